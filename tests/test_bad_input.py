@@ -103,6 +103,11 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         rp.InputError,
         "expected Trajectory",
     ),
+    "opinion_on_a_plan": (
+        lambda s: rp.second_opinion(rp.plan_motion(rp.Problem(s, "home", "zero"), rng=0), s),
+        rp.InputError,
+        "expected Trajectory; pass its attribute 'trajectory'",
+    ),
     "validate_nowhere": (lambda s: rp.validate(resting(s, 1.0), "x"), rp.InputError, "expected Scene"),
     "replay_nowhere": (lambda s: rp.simulate(resting(s, 1.0), None), rp.InputError, "expected Scene"),
     "endless_replay": (lambda s: rp.simulate(resting(s, 1e6), s), rp.InputError, "longer steps"),

@@ -160,8 +160,8 @@ def second_opinion(
         BackendError: MuJoCo does not accept the scene.
         CancelledError: `progress` returned False.
     """
-    if not isinstance(motion, Trajectory | Path):
-        raise InputError(f"motion is of type {type(motion).__name__}, expected Trajectory or Path")
+    if not isinstance(motion, Path):
+        of_kind("motion", motion, Trajectory)
     of_kind("scene", scene, Scene)
     step, tolerance = positive_number("step", step), positive_number("tolerance", tolerance)
     names = items_of("checkers", checkers, "names")
