@@ -64,7 +64,8 @@ class WorkspaceLesson(Lesson):
         draw_torus(right, self.picture)
         handles = [
             Patch(facecolor=TWICE, label="reached in two ways"),
-            Patch(facecolor=ONCE, hatch="//", label="in one way"),
+            # Without a color of the edge PDFs omit the stripes.
+            Patch(facecolor=ONCE, edgecolor="black", linewidth=0.0, hatch="//", label="in one way"),
             Patch(facecolor="#eef1f5", label="not at all"),
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)

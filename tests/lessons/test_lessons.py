@@ -68,6 +68,12 @@ def test_the_name_of_a_dark_obstacle_is_light(lessons: dict[str, rp.Lesson]) -> 
     assert names["plate"] != "white"
 
 
+def test_the_legend_of_the_workspace_is_striped_in_all_formats(lessons: dict[str, rp.Lesson]) -> None:
+    (legend,) = lessons["workspace"].figure().legends
+    (striped,) = [patch for patch in legend.get_patches() if patch.get_hatch()]
+    assert striped.get_edgecolor()[3] == 1.0  # PDFs omit stripes of patches without a color of the edge
+
+
 def test_a_figure_has_a_width_that_can_be_drawn_and_the_ending_of_its_format(
     lessons: dict[str, rp.Lesson], tmp_path: Path
 ) -> None:
