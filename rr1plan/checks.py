@@ -40,6 +40,7 @@ _READERS = {
 # Values of these types, for messages.
 _EXAMPLES = {
     "Budget": "Budget(seconds=5)",
+    "CollisionChecker": "CollisionChecker(scene)",
     "Kinematics": "Kinematics(scene)",
     "Problem": "Problem(scene, start, goal)",
     "Sequence": "Sequence(scene, segments)",

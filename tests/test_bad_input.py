@@ -103,6 +103,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         rp.InputError,
         "expected Trajectory",
     ),
+    "timed_scene": (lambda s: rp.TimedChecker(s, {}), rp.InputError, r"e.g. CollisionChecker\(scene\)"),
     "opinion_on_a_plan": (
         lambda s: rp.second_opinion(rp.plan_motion(rp.Problem(s, "home", "zero"), rng=0), s),
         rp.InputError,
