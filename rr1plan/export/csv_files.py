@@ -73,8 +73,9 @@ def load_csv(file: _File) -> Trajectory:
     Raises:
         FormatError: another header, a row of another length, not numbers, or times that do not increase.
     """
-    # Spreadsheets begin UTF-8 files with a byte order mark.
-    reader = csv.reader(io.StringIO(read_text(file).removeprefix("\ufeff"), newline=""), strict=True)
+    # Spreadsheets begin UTF-8 files with a byte order mark, and NumPy's `savetxt` begins headers with "# ".
+    text = read_text(file).removeprefix("\ufeff").removeprefix("# ")
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         header = [column.strip() for column in next(reader, [])]
         time, names, columns = _columns(header, file)

@@ -107,3 +107,11 @@ def test_columns_decide_what_lies_between_rows_in_any_order(tmp_path: FilePath, 
     assert read.joint_names == ("a", "b")
     np.testing.assert_allclose(read(1.0), [2.0, 3.0], atol=1e-15)
     np.testing.assert_allclose(read(0.5), [1.0, 1.5], atol=1e-15)
+
+
+def test_samples_written_by_numpy_are_read(tmp_path: FilePath) -> None:
+    rows = [[0.0, 1.0, 2.0], [0.5, 1.5, 2.5]]
+    np.savetxt(tmp_path / "t.csv", rows, delimiter=",", header="t,q:a,q:b")
+    read = load_csv(tmp_path / "t.csv")
+    assert read.joint_names == ("a", "b")
+    np.testing.assert_allclose(read(0.5), [1.5, 2.5])
