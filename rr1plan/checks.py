@@ -234,7 +234,7 @@ def _hint(value: object, kind: type, method: str) -> str:
     if type(value).__module__.startswith("rr1plan."):
         if method and callable(getattr(value, method, None)):
             return f"; call its method {method!r} instead"
-        if attribute := _attribute_of_kind(value, kind):
+        if kind.__module__.startswith("rr1plan.") and (attribute := _attribute_of_kind(value, kind)):
             return f"; pass its attribute {attribute!r}"
     if isinstance(value, str | os.PathLike) and kind.__name__ in _READERS:
         return f"; load one with {_READERS[kind.__name__]}"

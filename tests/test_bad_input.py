@@ -254,6 +254,11 @@ def test_an_error_names_the_attribute_that_holds_the_wanted_value() -> None:
         rp.plan_graph(motion)
 
 
+def test_a_scene_of_a_robot_says_how_an_arm_is_added() -> None:
+    with pytest.raises(rp.InputError, match=r"expected arms by name: try Scene\(\)\.with_arm\('arm', robot\)"):
+        rp.Scene(rp.load_robot("planar2r"))
+
+
 def test_an_error_names_the_method_that_keeps_the_motion(tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.5], [1.0, 1.0]), rng=0)

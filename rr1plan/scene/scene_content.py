@@ -24,6 +24,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.notebook_view import NotebookView
+from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair
@@ -47,6 +48,8 @@ class SceneContent(Value, NotebookView):
 
     def __post_init__(self) -> None:
         for name, kind in (("arms", Arm), ("obstacles", Obstacle), ("attachments", Attachment)):
+            if isinstance(getattr(self, name), Robot):
+                raise InputError(f"{name} is a robot, expected arms by name: try Scene().with_arm('arm', robot)")
             of_kind(name, getattr(self, name), Mapping)
             # A scene may have thousands of elements, and is checked anew with each one that is added.
             wrong = [value for value in getattr(self, name).values() if not isinstance(value, kind)]
