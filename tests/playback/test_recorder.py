@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 
@@ -129,3 +132,53 @@ def test_an_error_of_another_callback_is_no_reset(scene: rp.Scene) -> None:
         sim.step(50)
     assert recorder.replay().steps == 24
     assert recorder.replay().record.times[-1] == pytest.approx(0.04)
+
+
+def test_a_record_may_be_read_by_another_thread(scene: rp.Scene) -> None:
+    """The last instant, which a reader adds for itself, once stayed in the record in place of a later one."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        sim = rp.Simulation(scene.with_obstacle("ball", rp.Sphere(0.02), [0.5, 0.5, 0.9], mass=0.1))
+        recorder = rp.Recorder(sim, 0.02)
+        runner = threading.Thread(target=sim.run, kwargs={"duration": 1.5})
+        runner.start()
+        while runner.is_alive():
+            record = recorder.replay().record
+            assert (np.diff(record.times) > 0.0).all()
+            assert record.bodies is not None
+            assert len(record.bodies.poses) == len(record.times)
+        runner.join()
+    finally:
+        sys.setswitchinterval(before)
+    np.testing.assert_allclose(recorder.replay().record.times, 0.02 * np.arange(76), atol=1e-9)
+    recorder.stop()
+
+
+def test_a_recorder_may_be_made_by_another_thread(scene: rp.Scene) -> None:
+    """It once ended the run, when it was made between a step and the calls after it."""
+    sim = rp.Simulation(scene)
+    made: list[rp.Recorder] = []
+
+    def make(_: rp.Simulation) -> None:
+        if not made:
+            thread = threading.Thread(target=lambda: made.append(rp.Recorder(sim)))
+            thread.start()
+            thread.join()
+
+    sim.on_step(make)
+    sim.step(11)
+    record = made[0].replay().record
+    np.testing.assert_allclose(record.times, [0.002, 0.022], atol=1e-12)
+
+
+def test_a_callback_of_another_thread_begins_with_the_next_step(scene: rp.Scene) -> None:
+    sim, seen = rp.Simulation(scene), []
+
+    def add(_: rp.Simulation) -> None:
+        if sim.steps == 1:
+            sim.on_step(lambda now: seen.append(now.steps))
+
+    sim.on_step(add)
+    sim.step(3)
+    assert seen == [2, 3]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import AbstractContextManager
 
 import mujoco
 import numpy as np
@@ -13,6 +14,7 @@ from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.scene import Obstacle
 from rr1plan.scene.joint_units import joint_units
+from rr1plan.thread_locks import exclusive
 
 _RESET = (
     "the simulation was reset, or its joints were placed, while it was recorded, so its record has no single clock; "
@@ -53,6 +55,8 @@ class Recorder:
             sim.run(duration=5.0)
         rp.save_html("run.html", scene, replay=recorder.replay())
 
+    Other threads may call `replay` and `stop` while the simulation runs.
+
     Args:
         sim: The simulation; its first step after a `reset` or `place` while it is recorded raises an `InputError`.
         dt: Time between recorded instants [s]; tracking errors and efforts are measured at every step. Positions are
@@ -69,7 +73,6 @@ class Recorder:
         self._names = sim.scene.joint_names() if sim.scene.arms else ()
         self._columns = np.array([sim.joint_names.index(name) for name in self._names], dtype=np.int64)
         self._limits = sim.effort_limits[self._columns]
-        self._begin = self._end = sim.steps
         self._wall = time.perf_counter()
         self._times: list[float] = []
         self._rows: list[Array] = []
@@ -77,9 +80,16 @@ class Recorder:
         self._bodies = BodyLog()
         self._recording, self._was_reset = True, False
         self._final: Replay | None = None
-        self._remove = sim.on_step(self._note)
-        self._before = sim.positions
-        self._keep()
+        with self._lock:
+            self._begin = self._end = sim.steps
+            self._before = sim.positions
+            self._remove = sim.on_step(self._note)
+            self._keep()
+
+    @property
+    def _lock(self) -> AbstractContextManager[bool]:
+        """That of the simulation, because a controller may call `replay` within a step, which holds it."""
+        return self._sim._lock
 
     def __enter__(self) -> Recorder:
         return self
@@ -87,6 +97,7 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
+    @exclusive
     def stop(self) -> None:
         """Stop recording; the simulation may continue without changing the record."""
         if not self._recording:
@@ -96,6 +107,7 @@ class Recorder:
         self._was_reset |= self._sim.steps < self._end
         self._final = None if self._was_reset else self._present()
 
+    @exclusive
     def replay(self) -> Replay:
         """The record so far, or until `stop`, as `simulate` returns it.
 
@@ -137,6 +149,7 @@ class Recorder:
             units=tuple(joint_units(self._names, self._sim.scene)),
         )
 
+    @exclusive
     def _note(self, sim: Simulation) -> None:
         if self._was_reset or sim.steps <= self._end:
             self._was_reset = True

@@ -32,6 +32,8 @@ class RunLoop(Generic[_T]):
         self.wall = 0.0
         # By a key for each registration, because a callback may be registered twice.
         self._callbacks: dict[object, Callable[[_T], bool | None]] = {}
+        # Those that were registered when the last step ended.
+        self._due: list[tuple[object, Callable[[_T], bool | None]]] = []
         self._pause = threading.Event()
         # Held during a run, by the thread `_runner`.
         self._turn = per_process(self, "_turn", threading.Lock)
@@ -46,6 +48,14 @@ class RunLoop(Generic[_T]):
             self._callbacks.pop(key, None)
 
         return remove
+
+    def begin_steps(self, most: int) -> int:
+        """Number of steps to take before callbacks are called, at most `most`."""
+        return 1 if self._callbacks else most
+
+    def end_steps(self) -> None:
+        """Let `run` call the present callbacks; those that other threads add later miss these steps."""
+        self._due = list(self._callbacks.items())
 
     def pause(self) -> None:
         """End the present run after its current step."""
@@ -76,17 +86,16 @@ class RunLoop(Generic[_T]):
 
         Args:
             simulation: Argument of the callbacks.
-            advance: Takes up to a number of steps and returns how many.
+            advance: Takes up to a number of steps, from `begin_steps` to `end_steps`, and returns how many.
             count: Number of steps.
             speed: Upper bound on the real-time factor.
         """
         self._pause.clear()
         began, done = time.perf_counter(), 0
         while done < count:
-            # Callbacks and waiting for real time follow each single step.
-            alone = bool(self._callbacks) or speed < float("inf")
-            done += advance(1 if alone else count - done)
-            for key, callback in list(self._callbacks.items()):
+            # Waiting for real time, as callbacks, follows each single step.
+            done += advance(1 if speed < float("inf") else count - done)
+            for key, callback in self._due:
                 # An earlier one may have removed it.
                 if key in self._callbacks and callback(simulation) is False:
                     self._pause.set()

@@ -429,6 +429,7 @@ class Simulation:
         of_kind("controller", controller, Controller)
         self._set_points.deactivate(controller)
 
+    @exclusive
     def on_step(self, callback: StepCallback) -> Callable[[], None]:
         """Register a callback that is called after each step.
 
@@ -548,7 +549,7 @@ class Simulation:
             raise InputError("this process was forked in the middle of a step of the simulation; reset it first")
         self._stepping_process = os.getpid()
         try:
-            done = self._take_steps(most)
+            done = self._take_steps(self._loop.begin_steps(most))
         finally:
             self._stepping_process = 0
         if self._model.is_unstable():
@@ -557,6 +558,7 @@ class Simulation:
                 f"{f' ({warnings[-1]})' if warnings else ''}; try a smaller time step or a slower motion"
             )
         self._note_contacts()
+        self._loop.end_steps()
         return done
 
     def _take_steps(self, most: int) -> int:
