@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from rr1plan.errors import InputError
+from rr1plan.model import Kinematics
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
@@ -118,9 +120,14 @@ def test_a_pose_goal_takes_a_position_a_quaternion_or_a_full_pose() -> None:
     assert all(np.array_equal(goal.position, [1, 2, 3]) for goal in (free, turned, full))
 
 
-def test_tool_means_the_robot_s_tool_unless_a_link_has_that_name(rr1: Robot, planar2r: Robot) -> None:
+def test_tool_means_the_robot_s_tool_also_beside_a_link_of_that_name(rr1: Robot, planar2r: Robot) -> None:
     assert frame_link(rr1, "tool") == rr1.tool
     assert frame_link(planar2r, "link1") == "link1"
+    other = replace(rr1, tool="hand_link")
+    assert "tool" in other.link_names
+    assert frame_link(other, "tool") == "hand_link"
+    q = np.full(6, 0.1)
+    np.testing.assert_allclose(Kinematics(other).pose(q), other.link_poses(q)["hand_link"], atol=1e-12)
 
 
 @pytest.mark.parametrize(

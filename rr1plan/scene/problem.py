@@ -387,11 +387,11 @@ def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
 
 
 def frame_link(robot: Robot, frame: str) -> str:
-    """The link of a goal's frame; "tool" is the robot's tool unless a link has that name.
+    """The link of a goal's frame; "tool" is the robot's tool, even if another link has that name.
 
     Raises:
         UnknownNameError: no such link.
     """
-    if frame == "tool" and frame not in robot.link_names:
+    if frame == "tool":
         return robot.tool
     return known_name("frame", frame, robot.link_names)
