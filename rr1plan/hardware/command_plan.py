@@ -106,7 +106,12 @@ class CommandPlan(Value):
             f"  {joint} is assumed at {value:g} rad or m: no channel drives it, so that it is not checked"
             for joint, value in self.unchecked.items()
         ]
-        verdict = "certified free of collision, steps and ramps" if self.certified else "NOT CERTIFIED"
+        if not self.certified:
+            verdict = "NOT CERTIFIED"
+        elif self.report.unchecked_links:
+            verdict = f"steps and ramps: {self.report.verdict}"
+        else:
+            verdict = "certified free of collision, steps and ramps"
         return "\n".join([*lines, f"  {verdict}", *(f"  {problem}" for problem in self.problems)])
 
 

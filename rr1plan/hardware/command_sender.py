@@ -45,21 +45,23 @@ class SerialPort(Protocol):
 
 
 def open_serial_port(name: str) -> SerialPort:
-    """Open a serial port with the box's settings, 115200 baud 8N1, with pyserial.
+    """Open a serial port with the box's settings, 115200 baud 8N1, with pyserial, for this program only.
+
+    Two programs on one port would each read a part of the telemetry, and mix their commands.
 
     Args:
         name: Name of the port, e.g. "/dev/ttyACM0".
 
     Raises:
         MissingPackageError: pyserial is not installed (extra `serial`).
-        SerialLineError: the port cannot be opened.
+        SerialLineError: the port cannot be opened, or another program has it open.
     """
     try:
         import serial
     except ImportError as error:
         raise MissingPackageError("pyserial", "a serial port", "serial") from error
     try:
-        port: SerialPort = serial.Serial(name, BAUD, timeout=0.1, write_timeout=1.0)
+        port: SerialPort = serial.Serial(name, BAUD, timeout=0.1, write_timeout=1.0, exclusive=True)
     except (OSError, ValueError) as error:
         raise SerialLineError(f"cannot open the serial port {name!r}: {error}") from error
     return port

@@ -152,6 +152,19 @@ def test_locked_joints_without_a_channel_are_listed_as_not_checked(
     assert "finger_joint is assumed at 0 rad or m: no channel drives it, so that it is not checked" in str(plan)
 
 
+def test_links_without_a_collision_shape_are_named(
+    motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    robot = motion.scene.arms["rr1"].robot
+    hand = robot.link("hand_link")
+    bare = replace(hand, visuals=hand.visuals or hand.collisions, collisions=())
+    links = tuple(bare if link is hand else link for link in robot.links)
+    scene = motion.scene.with_robot("rr1", replace(robot, links=links))
+    said = str(rp.plan_commands(motion, calibration, box, scene=scene))
+    assert "steps and ramps: VALID, certified free of collision in continuous time, EXCEPT FOR 1 link" in said
+    assert "rr1/hand_link" in said
+
+
 def test_without_a_measured_calibration_nothing_is_planned(
     motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
 ) -> None:

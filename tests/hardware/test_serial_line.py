@@ -186,6 +186,21 @@ def test_a_joint_that_stalls_is_named(plan: rp.CommandPlan, line: Line) -> None:
     assert len(box.received) == 47
 
 
+def test_a_port_in_use_is_not_opened_twice() -> None:
+    """Two programs on one port would each read a part of the telemetry."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    name = os.ttyname(theirs)
+    port: Any = rp.open_serial_port(name)
+    with pytest.raises(rp.SerialLineError, match=f"cannot open the serial port '{name}'"):
+        rp.open_serial_port(name)
+    port.close()
+    again: Any = rp.open_serial_port(name)
+    again.close()
+    os.close(ours)
+    os.close(theirs)
+
+
 def test_a_box_that_is_unplugged_is_named(plan: rp.CommandPlan, line: Line) -> None:
     box = BoxOnTerminal(line())
     port = rp.open_serial_port(box.name)
