@@ -42,6 +42,43 @@ def test_bodies_fall_freely_and_keep_their_momentum(shape: rp.Shape) -> None:
     np.testing.assert_allclose(sim.body_velocity("body"), [0.3, -0.2, 1.0 - G * t, 0, 0, 2.0], atol=1e-9)
 
 
+PLATE = rp.Scene().with_obstacle("floor", rp.Box((1.0, 1.0, 0.01)), [0.0, 0.0, -0.005])
+
+
+@pytest.mark.parametrize("shape", [rp.Box((0.1, 0.1, 0.01)), rp.Sphere(0.005)], ids=repr)
+def test_a_body_that_is_too_fast_for_the_steps_is_named(shape: rp.Shape) -> None:
+    """From 0.3 m it moves 2.4 cm in a step of 10 ms, through a floor of 1 cm."""
+    scene = PLATE.with_obstacle("body", shape, [0.0, 0.0, 0.3], mass=0.1)
+    for dt, falls in ((0.01, True), (0.001, False)):
+        sim = rp.Simulation(scene, dt)
+        with rp.Recorder(sim) as recorder:
+            sim.run(duration=0.5)
+        assert (sim.body_pose("body")[2, 3] < -0.01) == falls
+        remarks = sim.warnings
+        assert len(remarks) == falls
+        assert recorder.replay().remarks == remarks
+        assert all("'body' moved by 2" in said and "into or through 'floor': take a" in said for said in remarks)
+        sim.reset()
+        assert sim.warnings == ()
+
+
+def test_contacts_are_harder_in_shorter_steps() -> None:
+    """A flat box from 1 m: it used to penetrate by its thickness in short steps as well, and to fall through."""
+    scene = PLATE.with_obstacle("body", rp.Box((0.1, 0.1, 0.01)), [0.0, 0.0, 1.0], mass=0.1)
+    for dt in (0.001, 0.0005):
+        sim = rp.Simulation(scene, dt)
+        sim.run(duration=0.7)
+        assert sim.body_pose("body")[2, 3] == pytest.approx(0.005, abs=1e-3)
+        assert sim.max_penetration < 0.005
+
+
+def test_a_fast_body_that_meets_nothing_is_not_named() -> None:
+    sim = rp.Simulation(PLATE.with_obstacles({"ball": rp.Obstacle([rp.Geometry("b", rp.Sphere(0.01))], mass=0.1)}))
+    sim.place_body("ball", [0.0, 0.0, 0.5], [20.0, 0.0, 0.0, 0.0, 0.0, 30.0])
+    sim.run(duration=0.1)
+    assert sim.warnings == ()
+
+
 @pytest.mark.parametrize("friction", [0.2, 0.5, 0.9])
 @pytest.mark.parametrize("turn", [0.0, 0.6])
 def test_a_box_on_a_slope_slides_beyond_its_friction_angle_only(friction: float, turn: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ class ContactLog:
         self._gap = gap
         self.deepest = 0.0
         self._intervals: dict[tuple[str, str], list[ReplayContact]] = {}
+        self._passages: dict[tuple[str, str], str] = {}
 
     def add(self, world: MujocoScene, data: Any, time: float) -> None:
         """Add the contacts at one instant, as intervals those that the scene does not allow.
@@ -46,9 +48,23 @@ class ContactLog:
             else:
                 intervals.append(ReplayContact((a, b), time, time, depth))
 
+    def add_passages(self, passages: Mapping[tuple[str, str], float], time: float) -> None:
+        """Add passages from `FastBodies` in the step that ends at `time` [s]; of each pair the first is kept."""
+        for (body, other), distance in passages.items():
+            text = (
+                f"{body!r} moved by {1e3 * distance:.3g} mm in the step to {time:.3f} s, into or through {other!r}: "
+                "take a smaller time step"
+            )
+            self._passages.setdefault((body, other), text)
+
+    def passages(self) -> tuple[str, ...]:
+        """The passages in words, in order of time."""
+        return tuple(self._passages.values())
+
     def clear(self) -> None:
         """Forget all contacts."""
         self._intervals.clear()
+        self._passages.clear()
         self.deepest = 0.0
 
     def intervals(self) -> tuple[ReplayContact, ...]:

@@ -46,8 +46,9 @@ _STIFFNESS, _STEP_STIFFNESS = 160.0, 0.8
 _POSITION_VELOCITY_FEEDFORWARD = 7
 # Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
 _OTHER_FRICTION = (0.005, 0.0001)
-# Time constant of contacts of loose bodies [s], and its minimum in steps; MuJoCo needs two.
-_CONTACT_TIME, _CONTACT_STEPS = 0.008, 3.0
+# Time constant of contacts of loose bodies: at most 8 ms and four steps, so that shorter steps give harder contacts,
+# and at least three steps; MuJoCo needs two.
+_CONTACT_TIME, _MOST_CONTACT_STEPS, _LEAST_CONTACT_STEPS = 0.008, 4.0, 3.0
 # Memory of MuJoCo's stack and contacts [bytes]: minimum; per degree of freedom (packed arms with a hundred contacts
 # each need 4e4); and per pair of degrees of freedom.
 _LEAST_MEMORY, _CONTACT_MEMORY, _PAIR_MEMORY = 2e7, 1e5, 4.0
@@ -224,8 +225,8 @@ class _Builder:
         self._loose = loose_bodies(scene)
         if self._loose:
             self._set_solver(solver)
-        solref = [max(_CONTACT_TIME, _CONTACT_STEPS * timestep), 1.0]
-        self._surface = {"priority": 1, "solref": solref}
+        contact_time = min(_CONTACT_TIME, _MOST_CONTACT_STEPS * timestep)
+        self._surface = {"priority": 1, "solref": [max(contact_time, _LEAST_CONTACT_STEPS * timestep), 1.0]}
         self._bits = collision_bits(scene) if len(scene.arms) > _MANY else {}
         self.joints: list[_PlacedJoint] = []
         self.servos: list[mujoco.MjsActuator] = []

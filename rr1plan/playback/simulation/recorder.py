@@ -146,6 +146,7 @@ class Recorder:
             timestep=self._sim.dt,
             wall_seconds=time.perf_counter() - self._wall,
             settings={"mujoco": mujoco.__version__},
+            remarks=self._sim.warnings,
             units=tuple(joint_units(self._names, self._sim.scene)),
         )
 

@@ -174,7 +174,7 @@ def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Call
     wall = time.perf_counter() - began
     begin = float(times[0])
     contacts = tuple(replace(c, first=begin + c.first, last=begin + c.last) for c in sim.contacts)
-    remarks = (*_remarks(targets.scene, sim, desired), *(f"MuJoCo: {text}" for text in sim.warnings))
+    remarks = (*_remarks(targets.scene, sim, desired), *sim.warnings)
     return _Seen(actual, effort / sim.effort_limits, contacts, remarks, wall, bodies.motion())
 
 

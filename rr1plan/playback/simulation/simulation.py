@@ -233,8 +233,8 @@ class Simulation:
     @property
     @exclusive
     def warnings(self) -> tuple[str, ...]:
-        """MuJoCo's warnings, each once."""
-        return tuple(dict.fromkeys(self._model.warnings))
+        """MuJoCo's warnings, each once, and loose bodies too fast for the time step: they may pass through others."""
+        return (*dict.fromkeys(f"MuJoCo: {text}" for text in self._model.warnings), *self._contacts.passages())
 
     @property
     def real_time_factor(self) -> float:

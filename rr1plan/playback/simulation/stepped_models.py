@@ -20,6 +20,7 @@ from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
 from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.contact_proof import ContactProof
+from rr1plan.playback.simulation.fast_bodies import FastBodies
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
 from rr1plan.playback.simulation.set_points import as_slice
 from rr1plan.thread_locks import per_process
@@ -192,6 +193,7 @@ class Tile:
         self._more_threads = threads - 1 if len(world.body_names) >= _A_HEAP else 0
         per_process(self._mujoco.data, "threadpool", int)
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
+        self._fast_bodies = FastBodies(world, self._mujoco.data) if world.body_names else None
         self._state_size = mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.proof: ContactProof | None = None
         self.arms: ArmDynamics | None = None
@@ -370,7 +372,9 @@ class Tile:
         return data.qpos[joints + 7 * i :][:7], data.qvel[joints + 6 * i :][:6]
 
     def log_contacts(self, log: ContactLog, time: float) -> None:
-        """Add the contacts of the present state to a log."""
+        """Add the contacts of the present state, and passages of loose bodies in the last step, to a log."""
         data = self._mujoco.data
+        if self._fast_bodies is not None:
+            log.add_passages(self._fast_bodies.passages(self._mujoco.model, data), time)
         if not self.proven and data.ncon and data.contact.dist.min() <= 0.0:
             log.add(self.world, data, time)
