@@ -33,7 +33,11 @@ _LEFT_OVER = (
 
 @runtime_checkable
 class SerialPort(Protocol):
-    """The interface of a serial port: pyserial's, or any other object with these methods."""
+    """The interface of a serial port: pyserial's, or any other object with these methods.
+
+    A port that buffers telemetry between reads also needs pyserial's `reset_input_buffer()`, which discards it: the
+    position of the arm is read anew before each command.
+    """
 
     def read(self, size: int = 1, /) -> bytes:
         """At most `size` bytes; fewer after the port's own timeout."""
@@ -106,7 +110,7 @@ def send_commands(
         raise InputError(f"the plan is not certified, nothing is sent: {'; '.join(plan.problems) or 'not checked'}")
     line = _Line(port, silence)
     expected = plan.start
-    now = line.latest()
+    start = now = line.latest()
     _check_ready(now, expected, "the plan", "nothing")
     for number, (command, ticks) in enumerate(zip(plan.commands, plan.ticks.tolist(), strict=True), 1):
         name = f"command {number} of {len(plan.commands)}"
@@ -116,7 +120,9 @@ def send_commands(
         line.send(command, name)
         expected = tuple(a + b for a, b in zip(expected, command.steps, strict=True))
         begin, now = now, _follow(line, expected, ticks / EXCHANGE_TICKS, name)
-        _check_encoders(plan, begin, now, name)
+        _check_encoders(plan, begin, now, f"stalled during {name}")
+        # Each command may lose less than its tolerance.
+        _check_encoders(plan, start, now, f"has lost steps by the end of {name}, counted from the start of the plan")
         if report is not None:
             report(number / len(plan.commands))
     return now
@@ -231,8 +237,8 @@ def _follow(line: _Line, expected: tuple[int, ...], emulated: float, name: str) 
     raise AssertionError("telemetry goes on for ever")
 
 
-def _check_encoders(plan: CommandPlan, begin: Telemetry, now: Telemetry, name: str) -> None:
-    """Compare encoders with the steps of their motors."""
+def _check_encoders(plan: CommandPlan, begin: Telemetry, now: Telemetry, fault: str) -> None:
+    """Compare the displacements of encoders with the steps of their motors; an error says that a joint `fault`."""
     for index, channel in enumerate(CHANNELS):
         scale = plan.box.channels[channel].counts_per_step if channel in plan.box.channels else None
         if scale is None:
@@ -241,6 +247,6 @@ def _check_encoders(plan: CommandPlan, begin: Telemetry, now: Telemetry, name: s
         counts, wanted = wrapped_counts(now.encoders[index] - begin.encoders[index]), scale * steps
         if abs(counts - wanted) > _ENCODER_SHARE * abs(wanted) + _ENCODER_COUNTS:
             raise StalledJointError(
-                f"{channel} ({plan.box.channels[channel].joint}) stalled during {name}: its encoder moved by {counts} "
-                f"counts, expected {wanted:.0f} for {counted(steps, 'step')}"
+                f"{channel} ({plan.box.channels[channel].joint}) {fault}: its encoder moved by {counts} counts, "
+                f"expected {wanted:.0f} for {counted(steps, 'step')}"
             )

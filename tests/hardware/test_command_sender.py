@@ -208,6 +208,15 @@ def test_encoders_are_compared_across_the_time_of_a_callback(plan: rp.CommandPla
         rp.send_commands(plan, made, progress=lambda _: pushed.__setitem__(0, 10_000))
 
 
+def test_steps_that_are_lost_little_by_little_are_named(plan: rp.CommandPlan, line: Line) -> None:
+    """In each command fewer than the tolerance."""
+    made, telemetry, ended = line(), rp.EmulatedSerialLine.telemetry, itertools.count()
+    lost = [0]
+    made.telemetry = lambda: replace(now := telemetry(made), encoders=tuple(e + lost[0] for e in now.encoders))
+    with pytest.raises(rp.StalledJointError, match="has lost steps by the end of command 3 of 4, counted from"):
+        rp.send_commands(plan, made, progress=lambda _: lost.__setitem__(0, 19 * (1 + next(ended))))
+
+
 def test_a_port_that_does_not_wait_is_read(plan: rp.CommandPlan, line: Line) -> None:
     """It returns None if there is nothing to read."""
     made, waits = line(), itertools.cycle([True, False])
