@@ -50,7 +50,7 @@ from rr1plan.checks import (
     shape_of,
     shown,
 )
-from rr1plan.errors import InputError
+from rr1plan.errors import FormatError, InputError
 from rr1plan.files.checked_tables import Table
 from rr1plan.files.documents import read_toml
 from rr1plan.files.file_access import check_writable, write_text
@@ -309,6 +309,8 @@ class Calibration(Value):
     def save(self, file: str | pathlib.Path) -> pathlib.Path:
         """Write a TOML file and return its path; numbers read back to the last bit.
 
+        A table `control_box` stays in a calibration file of the same robot that is replaced.
+
         Raises:
             InputError: another suffix, or the file cannot be written.
         """
@@ -317,6 +319,7 @@ class Calibration(Value):
         data |= {"date": self.date, "source": self.source}
         data["units"] = {"position": "rad", "reading": self.unit}
         data["joints"] = {name: _row(joint) for name, joint in self.joints.items()}
+        data |= _control_box(file, self.robot)
         return write_text(file, f"# position = zero + sign * reading / scale\n{to_toml(data)}")
 
 
@@ -334,6 +337,16 @@ def check_position_units(calibration: Calibration, robot: Robot) -> None:
                 f"joint {name!r} is calibrated in {joint.position_unit}, robot {robot.name!r} moves it in {unit}; "
                 "calibrate the joint of this robot"
             )
+
+
+def _control_box(file: str | pathlib.Path, robot: str) -> dict[str, Any]:
+    """The table `control_box` of a calibration file of a robot; {} if there is no such file or table."""
+    try:
+        kept = read_toml(file, _MAX_BYTES).entries
+    except FormatError:
+        return {}
+    ours = kept.get("format") == _FORMAT and kept.get("robot") == robot and "control_box" in kept
+    return {"control_box": kept["control_box"]} if ours else {}
 
 
 def _row(joint: JointCalibration) -> dict[str, Any]:

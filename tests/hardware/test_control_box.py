@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,21 @@ def test_one_file_holds_calibration_and_control_box(
     read = rp.load_control_box(file)
     assert (dict(read.channels), read.tick) == (dict(box.channels), box.tick)
     assert dict(rp.load_calibration(file).joints) == dict(calibration.joints)
+
+
+def test_a_new_calibration_keeps_the_control_box_of_the_file(
+    calibration: rp.Calibration, box: rp.ControlBox, tmp_path: Path
+) -> None:
+    file = calibration.save(tmp_path / "arm.toml")
+    file.write_text(file.read_text() + "\n" + to_toml(box_table(box)))
+    replace(calibration, date="today").save(file)
+    assert rp.load_calibration(file).date == "today"
+    assert dict(rp.load_control_box(file).channels) == dict(box.channels)
+    other = replace(calibration, robot="other").save(file)
+    with pytest.raises(rp.FormatError, match="has no table 'control_box'"):
+        rp.load_control_box(other)
+    file.write_text("control_box = [")
+    assert dict(rp.load_calibration(calibration.save(file)).joints) == dict(calibration.joints)
 
 
 @pytest.mark.parametrize(
