@@ -95,7 +95,7 @@ def simulate_sequence(
     bodies = replay.record.bodies
     rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
     objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
-    return SequenceReplay(replay, objects, of_arms, (*remarks, *sim.warnings))
+    return SequenceReplay(replay, objects, of_arms, (*remarks, *replay.remarks))
 
 
 def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:

@@ -182,3 +182,15 @@ def test_a_callback_of_another_thread_begins_with_the_next_step(scene: rp.Scene)
     sim.on_step(add)
     sim.step(3)
     assert seen == [2, 3]
+
+
+def test_a_record_has_the_settings_and_remarks_of_a_replay(scene: rp.Scene) -> None:
+    still = rp.Trajectory.rest(scene.joint_names(), scene.configuration(), duration=0.01)
+    heavy = rp.ArmVariation(payload=0.5)
+    replay = rp.simulate(still, scene, stiffness=1e4, variation=heavy)
+    assert "may oscillate" in replay.remarks[0]
+    assert replay.settings["payload"] == 0.5
+    sim = rp.Simulation(scene, stiffness=1e4, variation=heavy)
+    with rp.Recorder(sim) as recorder:
+        sim.step(5)
+    assert (recorder.replay().settings, recorder.replay().remarks) == (replay.settings, replay.remarks)

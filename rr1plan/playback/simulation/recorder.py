@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from contextlib import AbstractContextManager
 
-import mujoco
 import numpy as np
 
 from rr1plan.checks import Array, of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayRecord
+from rr1plan.playback.simulation.replay_notes import replay_remarks, replay_settings
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.scene import Obstacle
 from rr1plan.scene.joint_units import joint_units
@@ -145,8 +145,8 @@ class Recorder:
             steps=steps,
             timestep=self._sim.dt,
             wall_seconds=time.perf_counter() - self._wall,
-            settings={"mujoco": mujoco.__version__},
-            remarks=self._sim.warnings,
+            settings=replay_settings(self._sim),
+            remarks=replay_remarks(self._sim),
             units=tuple(joint_units(self._names, self._sim.scene)),
         )
 

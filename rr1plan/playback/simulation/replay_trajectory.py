@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
-from typing import Literal, NamedTuple
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -23,6 +23,7 @@ from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco, usual_stiffness
 from rr1plan.playback.simulation.recorder import BodyLog
 from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact, ReplayRecord
+from rr1plan.playback.simulation.replay_notes import replay_remarks, replay_settings
 from rr1plan.playback.simulation.simulation import Simulation, step_count
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
@@ -113,21 +114,21 @@ def simulate(
         steps=steps,
         timestep=dt,
         wall_seconds=seen.wall,
-        settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness}
-        | ({} if variation is None else asdict(variation)),
+        settings=seen.settings,
         remarks=seen.remarks,
         units=tuple(joint_units(trajectory.joint_names, scene)),
     )
 
 
 class _Seen(NamedTuple):
-    """Observations of a replay: all joint positions, fractions of effort limits, contacts, loose bodies."""
+    """Observations of a replay: all joint positions, fractions of effort limits, contacts, settings, loose bodies."""
 
     actual: Array
     effort: Array
     contacts: tuple[ReplayContact, ...]
     remarks: tuple[str, ...]
     wall: float
+    settings: dict[str, Any]
     bodies: BodyMotion | None = None
 
 
@@ -174,8 +175,9 @@ def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Call
     wall = time.perf_counter() - began
     begin = float(times[0])
     contacts = tuple(replace(c, first=begin + c.first, last=begin + c.last) for c in sim.contacts)
-    remarks = (*_remarks(targets.scene, sim, desired), *sim.warnings)
-    return _Seen(actual, effort / sim.effort_limits, contacts, remarks, wall, bodies.motion())
+    remarks = (*_long_stride(desired), *replay_remarks(sim))
+    effort /= sim.effort_limits
+    return _Seen(actual, effort, contacts, remarks, wall, replay_settings(sim), bodies.motion())
 
 
 def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Callable[[int], None]) -> _Seen:
@@ -194,7 +196,8 @@ def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Ca
             report(k)
         wall = time.perf_counter() - began
     remarks = tuple(f"MuJoCo: {text}" for text in warnings)
-    return _Seen(desired, np.zeros(desired.shape[1]), contacts.intervals(), remarks, wall)
+    settings = {"mujoco": mujoco.__version__}
+    return _Seen(desired, np.zeros(desired.shape[1]), contacts.intervals(), remarks, wall, settings)
 
 
 def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[[int], None]:
@@ -213,24 +216,9 @@ def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[
     return report
 
 
-def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
-    """Remarks on inaccuracies: estimated masses, joints without mass, steps that are too long, servos too stiff."""
-    arms = scene.arms.items()
-    massless = [name for tile in sim.tiles for name in tile.world.massless_joints]
-    links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]
-    found = []
-    if links:
-        found.append(f"masses estimated from shapes: {', '.join(links)}")
-    if massless:
-        found.append(f"joints that carry no mass: {', '.join(massless)}")
+def _long_stride(desired: Array) -> tuple[str, ...]:
+    """A remark if set-points (n, joints) change too much per step."""
     stride = float(np.abs(np.diff(desired, axis=0)).max(initial=0.0))
-    if stride > _LONG_STRIDE:
-        size = f"{stride:.2g} rad or m"
-        found.append(f"joints move up to {size} in a step, which costs accuracy: take a smaller time step")
-    stiffest = usual_stiffness(sim.dt, sim.stiffness)
-    if stiffest < sim.stiffness:
-        found.append(
-            f"servos of a stiffness above {stiffest:g} rad/s may oscillate in steps of {1e3 * sim.dt:g} ms: take less "
-            "stiffness or a smaller time step"
-        )
-    return tuple(found)
+    if stride <= _LONG_STRIDE:
+        return ()
+    return (f"joints move up to {stride:.2g} rad or m in a step, which costs accuracy: take a smaller time step",)

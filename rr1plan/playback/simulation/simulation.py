@@ -120,6 +120,7 @@ class Simulation:
         scene: The scene, with loose bodies at their initial poses; see `current_scene`.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
+        variation: Differences of the arms from their description; None: none.
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
         tiles: The MuJoCo models with their data, to be read between steps.
 
@@ -153,6 +154,7 @@ class Simulation:
         if self.stiffness > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
         threads = whole_number("threads", threads, 1, 256)
+        self.variation = None if variation == ArmVariation() else variation
         self._joints = JointMap(scene)
         self.joint_names = self._joints.names
         # Held during a step, and by methods that read or change the state of MuJoCo's data or the controllers.
@@ -166,7 +168,7 @@ class Simulation:
             stiffness=self.stiffness,
             threads=threads,
             solver=solver,
-            variation=None if variation == ArmVariation() else variation,
+            variation=self.variation,
         )
         self._set_points = SetPoints(self._joints, self.dt)
         self._loop: RunLoop[Simulation] = RunLoop(self.dt)
