@@ -85,7 +85,7 @@ def calibrate(
         readings: Readings of the planning joints, shape (m, nq), in the unit of `start`.
         positions: Measured positions of the point in the frame of the robot's base [m], shape (m, 3).
         start: Initial values (default: positive signs, readings in rad); signs may be wrong, zeros by about 30 degrees,
-            and scales by a fifth.
+            and scales by a fifth. Other joints than the planning joints, such as fingers, are kept.
         point: The point in the frame of the robot's tool [m], shape (3,), or one for each row, shape (m, 3).
         noise: Expected standard deviation of a measured coordinate [m], for the search of signs. The uncertainty of the
             result comes from the residuals.
@@ -433,6 +433,8 @@ def _result(
         unknown += ("sign",) * (math.isinf(scale_std) or bool(estimate.mirrored[i]))
         if unknown:
             undetermined[name] = unknown
+    # Joints of fingers, which the robot does not plan for.
+    joints |= {name: joint for name, joint in start.joints.items() if name not in joints}
     outliers = tuple(int(row) for row in np.flatnonzero(~kept))
     distances = np.linalg.norm(residuals, axis=1)
     fit = CalibrationFit(distances, outliers, noise, undetermined, data.base_pose(parameters))

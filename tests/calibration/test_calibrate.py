@@ -198,6 +198,18 @@ def test_fingers_are_calibrated_by_a_point_on_a_finger() -> None:
     assert np.ptp(poses[:, -1]) > 0.9 * (limits.upper - limits.lower)[-1]
 
 
+def test_joints_that_are_not_estimated_are_kept(rr1: rp.Robot) -> None:
+    """The fingers, whose calibration a control box needs as well."""
+    measured = bench(rr1)
+    finger = rp.JointCalibration(-1, 0.02, 1700.0, 1e-3, 1.0, "rad")
+    start = replace(measured.start(), joints={"finger_joint": finger, **measured.start().joints})
+    found = rp.calibrate(rr1, measured.readings(), measured.positions(), start=start, point=POINT)
+    assert found.joints["finger_joint"] == finger
+    alone = rp.calibrate(rr1, measured.readings(), measured.positions(), start=measured.start(), point=POINT)
+    assert dict(found.joints) == {**alone.joints, "finger_joint": finger}
+    assert "finger_joint" in {shift.joint for shift in found.zero_shifts(start)}
+
+
 def test_poses_that_would_not_determine_a_joint_are_known_before(rr1: rp.Robot) -> None:
     arm = bench(rr1, 7)
     ahead = rp.expected_calibration(rr1, arm.q)
