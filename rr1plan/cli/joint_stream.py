@@ -42,6 +42,7 @@ def mirror(options: Namespace, console: Console) -> int:
             "faults": dict(report.faults),
             "contacts": [[*pair, count] for pair, count in report.contacts.items()],
             "unmeasured": list(report.unmeasured),
+            "unchecked_links": list(report.unchecked_links),
         }
     )
     return 0 if report else 4

@@ -210,7 +210,9 @@ class Mirror:
 
     def report(self) -> MirrorReport:
         """The report on all messages so far."""
-        return self._statistics.report(self._reader.unmeasured)
+        arms = {} if self.corridor is None else self.scene.arms
+        bare = tuple(f"{name}/{link}" for name, arm in arms.items() for link in arm.robot.unchecked_links)
+        return self._statistics.report(self._reader.unmeasured, bare)
 
     # ---- inside --------------------------------------------------------------------------
 

@@ -80,6 +80,7 @@ class MirrorReport(Value):
         faults: Number of faults of the stream of each kind.
         contacts: Number of messages with each pair of elements in forbidden contact.
         unmeasured: Joints that no message had; without them there is no state.
+        unchecked_links: Links ("arm/link") that the corridor does not check because they have no collision shape.
     """
 
     messages: int
@@ -90,6 +91,7 @@ class MirrorReport(Value):
     faults: Mapping[StreamFault, int]
     contacts: Mapping[tuple[str, str], int]
     unmeasured: tuple[str, ...]
+    unchecked_links: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("max_deviation", "faults", "contacts"):
@@ -111,6 +113,8 @@ class MirrorReport(Value):
             name = max(self.max_deviation, key=lambda joint: self.max_deviation[joint])
             text += f"\nat most {self.max_deviation[name]:.3g} rad or m off the plan ({name})"
             text += "" if self.outside else "\nalways inside the certified corridor"
+            if self.unchecked_links:
+                text += f"\nnot checked, because they have no collision shape: {', '.join(self.unchecked_links)}"
         for begin, end in self.outside:
             text += f"\noutside the certified corridor from {begin:.3f} s to {end:.3f} s"
         for (first, second), count in self.contacts.items():
@@ -165,8 +169,8 @@ class MirrorStatistics:
         """Delay of the latest message beyond that of the fastest one [s]."""
         return self.offsets[-1] - self.totals.least_offset
 
-    def report(self, unmeasured: tuple[str, ...]) -> MirrorReport:
-        """The statistics so far, with the joints that no message had."""
+    def report(self, unmeasured: tuple[str, ...], unchecked_links: tuple[str, ...]) -> MirrorReport:
+        """The statistics so far, with the joints that no message had, and the links that the corridor lacks."""
         totals = self.totals
         lasted, delays = totals.last - totals.first, (0.0, 0.0)
         if totals.count:
@@ -181,6 +185,7 @@ class MirrorStatistics:
             faults=dict(self.faults),
             contacts=dict(self.contacts),
             unmeasured=unmeasured,
+            unchecked_links=unchecked_links,
         )
 
 

@@ -54,6 +54,21 @@ def test_a_stream_without_a_usable_message_is_not_called_safe(scene: rp.Scene, p
     assert f"unknown joint {first + 'x'!r} in the message of 0.000 s. Did you mean {first!r}?" in str(mirror.events[0])
 
 
+def test_links_without_a_collision_shape_are_named(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    robot = scene.arms["rr1"].robot
+    hand = robot.link("hand_link")
+    bare = replace(hand, visuals=hand.collisions, collisions=())
+    bare_robot = replace(robot, links=tuple(bare if link is hand else link for link in robot.links))
+    with rp.Mirror(scene.with_robot("rr1", bare_robot), plan) as mirror:
+        report = mirror.run(messages(plan, rate=5.0))
+    assert report.unchecked_links == ("rr1/hand_link",)
+    assert "always inside the certified corridor\nnot checked, because they have no collision shape: rr1/hand_link" in (
+        str(report)
+    )
+    with rp.Mirror(scene, plan) as mirror:
+        assert mirror.report().unchecked_links == ()
+
+
 def test_a_good_stream_stays_inside(scene: rp.Scene, plan: rp.Trajectory) -> None:
     with rp.Mirror(scene, plan) as mirror:
         report = mirror.run(messages(plan, start=1000.0))
