@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 
@@ -194,3 +195,52 @@ def test_a_record_has_the_settings_and_remarks_of_a_replay(scene: rp.Scene) -> N
     with rp.Recorder(sim) as recorder:
         sim.step(5)
     assert (recorder.replay().settings, recorder.replay().remarks) == (replay.settings, replay.remarks)
+
+
+class Pressing(rp.ForwardVelocityController):
+    """Ctrl-C in the middle of a step.
+
+    Args:
+        names: The joints.
+        at: The step.
+        times: How often.
+    """
+
+    def __init__(self, names: tuple[str, ...], at: int, times: int) -> None:
+        super().__init__(names)
+        self.left, self._at = times, at
+
+    def update(self, state: rp.JointState) -> rp.SetPoint:
+        point = super().update(state)
+        while self.left and round(state.time / self.joints.dt) == self._at:
+            self.left -= 1
+            signal.raise_signal(signal.SIGINT)
+        return point
+
+
+def pressed(scene: rp.Scene, times: int) -> tuple[rp.Simulation, rp.Recorder]:
+    sim, names = rp.Simulation(scene), scene.joint_names()
+    press = Pressing(names, 5, times)
+    sim.activate(press)
+    press.command([0.1] * len(names))
+    return sim, rp.Recorder(sim, 0.004)
+
+
+def test_after_ctrl_c_a_run_goes_on_as_if_it_had_not_been_interrupted(scene: rp.Scene) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    (sim, recorder), (other, whole) = pressed(scene, 1), pressed(scene, 0)
+    with pytest.raises(KeyboardInterrupt):
+        sim.run(duration=0.04)
+    assert sim.steps == 6
+    assert signal.getsignal(signal.SIGINT) is before
+    sim.run(until=0.04)
+    other.run(until=0.04)
+    np.testing.assert_array_equal(sim.positions, other.positions)
+    np.testing.assert_array_equal(recorder.replay().record.desired, whole.replay().record.desired)
+
+
+def test_a_second_ctrl_c_ends_a_controller_at_once(scene: rp.Scene) -> None:
+    sim, _ = pressed(scene, 2)
+    with pytest.raises(KeyboardInterrupt):
+        sim.run(duration=0.04)
+    assert sim.steps == 5

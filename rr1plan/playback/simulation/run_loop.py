@@ -5,10 +5,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Generic, TypeVar
 
 from rr1plan.errors import InputError
+from rr1plan.playback.simulation.held_interrupts import HeldInterrupts
 from rr1plan.thread_locks import per_process
 
 # The simulation sleeps if it is ahead of real time by more than this [s].
@@ -35,6 +36,7 @@ class RunLoop(Generic[_T]):
         # Those that were registered when the last step ended.
         self._due: list[tuple[object, Callable[[_T], bool | None]]] = []
         self._pause = threading.Event()
+        self._interrupts = HeldInterrupts()
         # Held during a run, by the thread `_runner`.
         self._turn = per_process(self, "_turn", threading.Lock)
         self._runner: int | None = per_process(self, "_runner", lambda: None)
@@ -90,15 +92,21 @@ class RunLoop(Generic[_T]):
             count: Number of steps.
             speed: Upper bound on the real-time factor.
         """
+        # A single step takes less time than handling Ctrl-C during it.
+        with self._interrupts.installed() if count > 1 else nullcontext():
+            return self._take(simulation, advance, count, speed)
+
+    def _take(self, simulation: _T, advance: Callable[[int], int], count: int, speed: float) -> bool:
         self._pause.clear()
         began, done = time.perf_counter(), 0
         while done < count:
             # Waiting for real time, as callbacks, follows each single step.
-            done += advance(1 if speed < float("inf") else count - done)
-            for key, callback in self._due:
-                # An earlier one may have removed it.
-                if key in self._callbacks and callback(simulation) is False:
-                    self._pause.set()
+            with self._interrupts:
+                done += advance(1 if speed < float("inf") else count - done)
+                for key, callback in self._due:
+                    # An earlier one may have removed it.
+                    if key in self._callbacks and callback(simulation) is False:
+                        self._pause.set()
             ahead = done * self._dt / speed - (time.perf_counter() - began)
             if speed < float("inf") and ahead > _AHEAD:
                 self._pause.wait(min(ahead, threading.TIMEOUT_MAX))

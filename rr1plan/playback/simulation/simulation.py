@@ -102,6 +102,9 @@ class Simulation:
     them. Obstacles with a mass are loose bodies. The scene is not changed. In models of four or more arms, MuJoCo does
     not search for contacts while these are proven impossible (`contact_proof`), which does not change any result.
 
+    Ctrl-C in `run`, or in `step` of several steps, takes effect after the present step and its callbacks, so that one
+    can continue from there; a second one takes effect at once.
+
     Threads may share a simulation: one thread runs it at a time, and other methods take effect between two steps. A
     forked process has a copy of it; if it was forked in the middle of a step of another thread, `reset` it first.
 
