@@ -41,6 +41,7 @@ from rr1plan.transforms import as_pose
 TOLERANCE = 1e-6
 _PRECISION = 1e-9  # of the fraction of an edge at its first contact
 _BLOCK = 4096  # edges of a call of a kernel
+_FEW_TERMS = 64  # of a curve that is checked quickly
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -460,8 +461,9 @@ class CollisionChecker(CoalChecker):
         terms = getattr(coefficients, "shape", ())[:1]
         if is_plain(coefficients, (*terms, self.nq)) and terms != (0,) and type(duration) is float:
             count = len(coefficients)
-            # NaN and infinity fail both comparisons.
-            if duration >= 0.0 and np.abs(coefficients).max() * count * max(1.0, duration) ** (count - 1) <= FARTHEST:
+            # NaN and infinity fail these comparisons; powers of other durations do not overflow.
+            quick = 0.0 <= duration <= FARTHEST and count <= _FEW_TERMS
+            if quick and np.abs(coefficients).max() * count * max(1.0, duration) ** (count - 1) <= FARTHEST:
                 return coefficients, duration
         curve = finite_array("coefficients", coefficients, (None, self.nq))
         duration = finite_number("duration", duration)

@@ -532,6 +532,8 @@ def test_a_senseless_tolerance_is_refused(planar, tolerance):
         ("polynomial_is_free", ([[0, 0]], -1.0)),
         ("polynomial_is_free", ([[0, 0]], np.nan)),
         ("polynomial_is_free", ([[0, np.inf]], 1.0)),
+        ("polynomial_is_free", (np.zeros((3, 2)), 1e200)),
+        ("first_contact_on", (np.zeros((300, 2)), 100.0)),
     ],
 )
 def test_motions_that_are_none_are_refused(planar, question, arguments):
