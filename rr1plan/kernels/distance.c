@@ -1,12 +1,39 @@
 // Distance of two bodies at one configuration: a quick lower bound, and exact bounds.
 #include "scene_tables.h"
 
-// Distance from the center of a's ball to the bounding box of b [m].
-static double center_to_box(int64_t a, int64_t b, const ExactTables *exact, const ExactScratch *scratch) {
-    const ExactShape *shape = &exact->shapes[b];
-    const double *R = scratch->poses[b].rotation, *o = scratch->poses[b].origin;
-    const ExactPoint *center = &scratch->centers[a];
-    double dx = center->x - o[0], dy = center->y - o[1], dz = center->z - o[2], square = 0.0;
+// A body at a pose, and the center of the ball around it.
+typedef struct {
+    const ExactTables *exact;
+    int64_t body;
+    const Pose *pose;
+    const ExactPoint *center;
+} PlacedBody;
+
+INLINE PlacedBody placed_body(int64_t body, const ExactTables *exact, const ExactScratch *scratch) {
+    return (PlacedBody){exact, body, &scratch->poses[body], &scratch->centers[body]};
+}
+
+INLINE const ExactShape *shape_of(PlacedBody placed) { return &placed.exact->shapes[placed.body]; }
+
+INLINE int is_point(PlacedBody placed) { return placed.exact->bodies[placed.body].kind == BODY_POINT; }
+
+INLINE Core core_of(PlacedBody placed) {
+    const ExactTables *exact = placed.exact;
+    const ExactBody *of = &exact->bodies[placed.body];
+    return (Core){of->kind, shape_of(placed)->size, placed.pose, exact->corners, exact->links, of->first_corner};
+}
+
+// Distance of two points [m].
+INLINE double point_distance(const ExactPoint *a, const ExactPoint *b) {
+    double x = a->x - b->x, y = a->y - b->y, z = a->z - b->z;
+    return sqrt_number(x * x + y * y + z * z);
+}
+
+// Distance of a point to the box around a body [m].
+static double distance_to_box(const ExactPoint *point, PlacedBody placed) {
+    const ExactShape *shape = shape_of(placed);
+    const double *R = placed.pose->rotation, *o = placed.pose->origin;
+    double dx = point->x - o[0], dy = point->y - o[1], dz = point->z - o[2], square = 0.0;
     for (int c = 0; c < 3; c++) {
         double along = R[c] * dx + R[3 + c] * dy + R[6 + c] * dz;
         double out = abs_number(along - shape->box_center[c]) - shape->box_half[c];
@@ -15,24 +42,31 @@ static double center_to_box(int64_t a, int64_t b, const ExactTables *exact, cons
     return sqrt_number(square);
 }
 
-// A lower bound of the distance of two bodies from their balls and boxes [m]; it stops at `enough`.
-static double quick_gap(int64_t a, int64_t b, double enough, const ExactTables *exact, const ExactScratch *scratch) {
-    if (exact->bodies[b].kind == BODY_HALF_SPACE) return -__builtin_inf();
-    const ExactPoint *p = &scratch->centers[a], *o = &scratch->centers[b];
-    double dx = p->x - o->x, dy = p->y - o->y, dz = p->z - o->z;
-    double ra = exact->shapes[a].ball_radius, rb = exact->shapes[b].ball_radius;
-    double gap = sqrt_number(dx * dx + dy * dy + dz * dz) - ra - rb;
-    if (gap < enough && exact->bodies[b].kind != BODY_POINT)
-        gap = max_number(gap, center_to_box(a, b, exact, scratch) - ra);
-    if (gap < enough && exact->bodies[a].kind != BODY_POINT)
-        gap = max_number(gap, center_to_box(b, a, exact, scratch) - rb);
+// A lower bound of the distance of two placed bodies from their balls and boxes [m]; it stops at `enough`.
+static double bounding_gap(PlacedBody a, PlacedBody b, double enough) {
+    double ra = shape_of(a)->ball_radius, rb = shape_of(b)->ball_radius;
+    double gap = point_distance(a.center, b.center) - ra - rb;
+    if (gap < enough && !is_point(b)) gap = max_number(gap, distance_to_box(a.center, b) - ra);
+    if (gap < enough && !is_point(a)) gap = max_number(gap, distance_to_box(b.center, a) - rb);
     return gap;
 }
 
-INLINE Core core_of(int64_t body, const ExactTables *exact, const ExactScratch *scratch) {
-    const ExactBody *of = &exact->bodies[body];
-    return (Core){of->kind, exact->shapes[body].size, &scratch->poses[body], exact->corners, exact->links,
-                  of->first_corner};
+// Likewise for the bodies of a pair; nothing is known of the distance from a half-space.
+static double quick_gap(int64_t a, int64_t b, double enough, const ExactTables *exact, const ExactScratch *scratch) {
+    if (exact->bodies[b].kind == BODY_HALF_SPACE) return -INFINITY;
+    return bounding_gap(placed_body(a, exact, scratch), placed_body(b, exact, scratch), enough);
+}
+
+// Bounds of the distance of two convex bodies [m]; see `fine_gap`.
+static GapBounds convex_gap(PlacedBody a, PlacedBody b, double least, double enough, ExactPoint *direction) {
+    if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) {
+        *direction = (ExactPoint){a.center->x - b.center->x, a.center->y - b.center->y, a.center->z - b.center->z};
+        if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) direction->z = 1.0;
+    }
+    double radius = shape_of(a)->radius + shape_of(b)->radius;
+    Core one = core_of(a), two = core_of(b);
+    GapBounds gap = core_gap(&one, &two, least + radius, enough + radius, direction);
+    return (GapBounds){gap.lower - radius, gap.upper - radius};
 }
 
 // Exact distance of a body's core to the plane of half-space b [m].
@@ -43,7 +77,7 @@ static double half_space_gap(int64_t a, int64_t b, const ExactTables *exact, con
         R[3] * normal[0] + R[4] * normal[1] + R[5] * normal[2],
         R[6] * normal[0] + R[7] * normal[1] + R[8] * normal[2],
     };
-    Core core = core_of(a, exact, scratch);
+    Core core = core_of(placed_body(a, exact, scratch));
     Vec p = farthest_point(&core, (Vec){-n.x, -n.y, -n.z});
     return n.x * (p.x - o[0]) + n.y * (p.y - o[1]) + n.z * (p.z - o[2]) - exact->shapes[b].offset;
 }
@@ -73,7 +107,7 @@ static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Ex
             cell.origin[r] = o[r] + R[3 * r] * middle->x + R[3 * r + 1] * middle->y + R[3 * r + 2] * middle->z;
         *direction =
             (ExactPoint){center->x - cell.origin[0], center->y - cell.origin[1], center->z - cell.origin[2]};
-        Core core = core_of(a, exact, scratch);
+        Core core = core_of(placed_body(a, exact, scratch));
         Core box = {BODY_BOX, exact->shapes[b].size, &cell, exact->corners, exact->links, 0};
         GapBounds found = core_gap(&core, &box, least + radius, enough + radius, direction);
         gap.lower = min_number(gap.lower, found.lower - radius);
@@ -112,7 +146,7 @@ static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough
             bounds.extent[r] += abs_number(along) * shape->box_half[k];
         }
     }
-    Core core = core_of(a, exact, scratch);
+    Core core = core_of(placed_body(a, exact, scratch));
     int64_t mesh = exact->bodies[b].first_corner;
     GapBounds gap = surface_gap(&core, shape->radius, &bounds, mesh, &frame, least, enough, exact->meshes);
     if (!(gap.lower > 0.0)) return gap;
@@ -131,19 +165,11 @@ static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough
 // `direction`: the first one to try, zero if none is known; on return the last one.
 static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
                           const ExactTables *exact, const ExactScratch *scratch) {
-    double radius = exact->shapes[a].radius + exact->shapes[b].radius;
     if (exact->bodies[b].kind == BODY_HALF_SPACE) {
-        double gap = half_space_gap(a, b, exact, scratch) - radius;
+        double gap = half_space_gap(a, b, exact, scratch) - exact->shapes[a].radius;
         return (GapBounds){gap, gap};
     }
     if (exact->bodies[b].kind == BODY_CELLS) return cells_gap(a, b, least, enough, direction, exact, scratch);
     if (exact->bodies[b].kind == BODY_MESH) return mesh_body_gap(a, b, least, enough, exact, scratch);
-    if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) {
-        const ExactPoint *p = &scratch->centers[a], *o = &scratch->centers[b];
-        *direction = (ExactPoint){p->x - o->x, p->y - o->y, p->z - o->z};
-        if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) direction->z = 1.0;
-    }
-    Core one = core_of(a, exact, scratch), two = core_of(b, exact, scratch);
-    GapBounds gap = core_gap(&one, &two, least + radius, enough + radius, direction);
-    return (GapBounds){gap.lower - radius, gap.upper - radius};
+    return convex_gap(placed_body(a, exact, scratch), placed_body(b, exact, scratch), least, enough, direction);
 }

@@ -49,7 +49,8 @@ static int stays_in_contact(const ExactPair *pair, double padding, double moved,
     double depth = moved - radius - padding, size[3];
     // If the radii suffice, the gap was decisive already; the inside of surfaces is unknown.
     if (depth < 0.0 || exact->bodies[pair->other].kind > BODY_CORNERS) return 0;
-    Core cores[2] = {core_of(pair->body, exact, raster->scratch), core_of(pair->other, exact, raster->scratch)};
+    Core cores[2] = {core_of(placed_body(pair->body, exact, raster->scratch)),
+                     core_of(placed_body(pair->other, exact, raster->scratch))};
     for (int side = 1; side >= 0; side--) {
         Core one = cores[side], two = cores[1 - side];
         if (!erode(one.kind, one.size, depth, size)) continue;

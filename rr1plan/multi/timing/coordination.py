@@ -43,12 +43,10 @@ def coordination_diagram(
     if not may_touch(one, two, margin):
         return None
     pairs = cross_pairs(one.agent, two.agent, margin)
-    blocked = np.zeros((one.cells, two.cells), np.uint8)
-    directions = np.empty((len(one.agent.bodies.elements) * len(two.agent.bodies.elements), 3))
     sums: NDArray[np.int64] | int = 0
     if wanted is not None:
         sums = np.pad(wanted.cumsum(axis=0, dtype=np.int64).cumsum(axis=1), ((1, 0), (1, 0)))
-    load_library().rr1_coordinate_paths(one.placed, two.placed, pairs, directions, stop, sums, blocked)
+    blocked = _blocked_cells(one.agent, two.agent, one.placed, two.placed, pairs, stop, sums)
     if stop[0]:
         return np.ones_like(blocked)
     return blocked if blocked.any() else None
@@ -69,13 +67,23 @@ def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: f
 
 def conflicts(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float) -> Blocked:
     """Configurations of two agents that are not proven collision-free together, shape (n, m); see `are_apart`."""
-    return _conflicts(one, two, placed, other, cross_pairs(one, two, margin, fixed=True))
+    return _blocked_cells(one, two, placed, other, cross_pairs(one, two, margin, fixed=True))
 
 
-def _conflicts(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: CStruct) -> Blocked:
+def _blocked_cells(
+    one: Agent,
+    two: Agent,
+    placed: CStruct,
+    other: CStruct,
+    pairs: CStruct,
+    stop: NDArray[np.int64] = NEVER,
+    sums: NDArray[np.int64] | int = 0,
+) -> Blocked:
+    """See `rr1_coordinate_paths`; `sums` is its argument `wanted`."""
     blocked = np.zeros((placed.value.cell_count, other.value.cell_count), np.uint8)
     directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
-    load_library().rr1_coordinate_paths(placed, other, pairs, directions, NEVER, 0, blocked)
+    open_pairs = np.empty(pairs.value.group_pair_count, np.int64)
+    load_library().rr1_coordinate_paths(placed, other, pairs, directions, open_pairs, stop, sums, blocked)
     return blocked
 
 
@@ -92,7 +100,7 @@ def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
 
 def _conflicts_of_ends(one: AgentPath, two: AgentPath, pairs: CStruct) -> Blocked:
     """Whether the start and goal of one path (rows) conflict with those of another one (columns), shape (2, 2)."""
-    return _conflicts(one.agent, two.agent, one.placed_ends, two.placed_ends, pairs)
+    return _blocked_cells(one.agent, two.agent, one.placed_ends, two.placed_ends, pairs)
 
 
 def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
