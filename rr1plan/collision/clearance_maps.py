@@ -35,16 +35,16 @@ class ClearanceMaps:
     """Maps for some pairs; see `PaddedPairs`.
 
     Args:
-        places: The last four columns of `PaddedPairs.body_pairs`, shape (m, 4).
+        of_pairs: The last four columns of `PaddedPairs.body_pairs`, shape (m, 4).
+        of_groups: The last column of `PaddedPairs.group_pairs`, shape (f,).
         counts: `PaddedPairs.maps`.
         ranges: `PaddedPairs.map_ranges`, shape (m, 4).
-        groups: The last column of `PaddedPairs.group_pairs`, shape (f,).
     """
 
-    places: _INTS
+    of_pairs: _INTS
+    of_groups: _INTS
     counts: NDArray[np.int16]
     ranges: Array
-    groups: _INTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class _Between:
     key: str
 
 
-def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
+def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, ends: _INTS) -> ClearanceMaps:
     """Maps for the pairs of bodies of one arm that one or two columns of q move relative to each other.
 
     Pairs of two arms have none: all arms with equal geometry share maps, whatever their base pose.
@@ -73,36 +73,35 @@ def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _
         instances: The arms that move.
         pairs: Pairs of their solids that move relative to each other [index], sorted by pairs of groups, shape (m, 2).
         least: The gap that a map has to prove for each pair [m], shape (m,).
-        groups: The first columns of `PaddedPairs.group_pairs`, shape (f, 5).
+        ends: First and last of the pairs of each pair of groups, shape (f, 2).
     """
-    places, ranges = np.zeros((len(pairs), 4), np.int64), np.zeros((len(pairs), 4))
-    places[:, 0] = -1
-    of_groups = np.full(len(groups), -1, np.int64)
+    of_pairs, ranges = np.zeros((len(pairs), 4), np.int64), np.zeros((len(pairs), 4))
+    of_pairs[:, 0] = -1
+    of_groups = np.full(len(ends), -1, np.int64)
     begins: dict[ClearanceMaps, int] = {}
     first = end = 0
     arm_of = np.repeat(np.arange(len(instances.geometries)), [len(g.solids) for g in instances.geometries])
     own = np.where(arm_of[pairs[:, 0]] == arm_of[pairs[:, 1]], arm_of[pairs[:, 0]], -1)
     count = len(instances.geometries)
-    rows_of, groups_of = _rows_of(own, count), _rows_of(own[groups[:, 3]], count)
+    rows_of, groups_of = _rows_of(own, count), _rows_of(own[ends[:, 0]], count)
     for geometry, column, rows, families in zip(
         instances.geometries, instances.first_column.tolist(), rows_of, groups_of, strict=True
     ):
         # The pairs of one group pair are consecutive, here and among all pairs.
-        ends = np.searchsorted(rows, groups[families, 3:])
-        maps = _arm_maps(geometry, pairs[rows] - first, least[rows], ends)
+        maps = _arm_maps(geometry, pairs[rows] - first, least[rows], np.searchsorted(rows, ends[families]))
         if maps not in begins:
             begins[maps] = end
             end += len(maps.counts)
         begin = begins[maps]
-        there = maps.places.copy()
-        there[:, 0] = np.where(there[:, 0] < 0, -1, there[:, 0] + begin)
-        there[:, 2:] += column
-        places[rows], ranges[rows] = there, maps.ranges
-        of_groups[families] = np.where(maps.groups < 0, -1, maps.groups + begin)
+        own_pairs = maps.of_pairs.copy()
+        own_pairs[:, 0] = np.where(own_pairs[:, 0] < 0, -1, own_pairs[:, 0] + begin)
+        own_pairs[:, 2:] += column
+        of_pairs[rows], ranges[rows] = own_pairs, maps.ranges
+        of_groups[families] = np.where(maps.of_groups < 0, -1, maps.of_groups + begin)
         first += len(geometry.solids)
     # Usually there is one set of maps, of half a megabyte.
     counts = [maps.counts for maps in begins] or [np.zeros(0, np.int16)]
-    return ClearanceMaps(places, counts[0] if len(counts) == 1 else np.concatenate(counts), ranges, of_groups)
+    return ClearanceMaps(of_pairs, of_groups, counts[0] if len(counts) == 1 else np.concatenate(counts), ranges)
 
 
 def _rows_of(arms: _INTS, count: int) -> list[_INTS]:
@@ -115,15 +114,15 @@ def _rows_of(arms: _INTS, count: int) -> list[_INTS]:
 _MOST_MAPS = 8
 
 
-def _arm_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
-    """The maps of one arm; `groups` has first and last of the pairs that have a joint map, shape (f, 2)."""
+def _arm_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, ends: _INTS) -> ClearanceMaps:
+    """The maps of one arm; see `instance_maps`."""
     kept: dict[tuple[bytes, ...], ClearanceMaps] = geometry.kept.setdefault("maps", {})
-    key = (pairs.tobytes(), least.tobytes(), groups.tobytes())
-    return kept_in(kept, key, lambda: _new_maps(geometry, pairs, least, groups), _MOST_MAPS)
+    key = (pairs.tobytes(), least.tobytes(), ends.tobytes())
+    return kept_in(kept, key, lambda: _new_maps(geometry, pairs, least, ends), _MOST_MAPS)
 
 
-def _new_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
-    places = np.zeros((len(pairs), 4), np.int64)
+def _new_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, ends: _INTS) -> ClearanceMaps:
+    of_pairs = np.zeros((len(pairs), 4), np.int64)
     ranges = np.zeros((len(pairs), 4))
     counts, begins = _Counts(), dict[tuple[str, float], int]()
     free = list[NDArray[np.bool_]]()
@@ -131,21 +130,21 @@ def _new_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) 
         between = _between(_Pair(geometry, (one, two)))
         step = next((s for s in _STEPS if gap <= 0.8 * s), None)
         if between is None or step is None:
-            places[i, 0] = -1
+            of_pairs[i, 0] = -1
             free.append(np.zeros((0, 0), np.bool_))
             continue
         gaps = _gaps(_Named(f"{between.key} {step}", between, step))
         free.append(gaps >= gap)
         if (between.key, gap) not in begins:
             begins[between.key, gap] = counts.add(gaps, gap)
-        places[i] = begins[between.key, gap], gaps.shape[1], between.columns[0], between.columns[-1]
+        of_pairs[i] = begins[between.key, gap], gaps.shape[1], between.columns[0], between.columns[-1]
         ranges[i, ::2], ranges[i, 1::2] = between.ends[:, 0], CELLS / (between.ends[:, 1] - between.ends[:, 0])
-    families = np.full(len(groups), -1, np.int64)
-    for f, (first, last) in enumerate(groups.tolist()):
-        rows = places[first:last]
+    of_groups = np.full(len(ends), -1, np.int64)
+    for f, (first, last) in enumerate(ends.tolist()):
+        rows = of_pairs[first:last]
         if last - first > 1 and (rows[:, 0] >= 0).all() and (rows[:, 1:] == rows[0, 1:]).all():
-            families[f] = counts.add(np.logical_and.reduce(free[first:last]).astype(np.float32), 0.5)
-    return ClearanceMaps(places, counts.joined(), ranges, families)
+            of_groups[f] = counts.add(np.logical_and.reduce(free[first:last]).astype(np.float32), 0.5)
+    return ClearanceMaps(of_pairs, of_groups, counts.joined(), ranges)
 
 
 class _Counts:

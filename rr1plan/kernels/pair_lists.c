@@ -116,7 +116,7 @@ static int64_t list_obstacle_blocks(
     return count;
 }
 
-// List the pairs for the certified edge.
+// List the pairs for the certified edge, without clearance maps.
 //
 // pairs, rows: moving pairs from `rr1_list_solid_pairs`; body, place: for each solid, from `rr1_number_obstacles`;
 // bodies, groups: of `ArmGeometry`, whose chains have at most `joint_count` joints; columns: of `pair_of`, a multiple
@@ -125,8 +125,8 @@ static int64_t list_obstacle_blocks(
 EXPORT void rr1_list_body_pairs(
     const NumberPair *pairs, const ExactPair *rows, int64_t pair_count, const int64_t *body, const int64_t *place,
     const Body *bodies, int64_t body_count, const Group *groups, int64_t group_count, int64_t joint_count,
-    int64_t columns, int64_t *room, int64_t *pair_of, ListedBodyPair *body_pairs, NumberPair *solids,
-    ListedGroupPair *group_pairs, NearBlock *obstacle_blocks, int64_t *first_obstacle_block,
+    int64_t columns, int64_t *room, int64_t *pair_of, BodyPair *body_pairs, NumberPair *solids,
+    GroupPair *group_pairs, NearBlock *obstacle_blocks, int64_t *first_obstacle_block,
     NearBlock *group_blocks, int64_t *first_group_block, int64_t counts[3]
 ) {
     for (int64_t k = 0; k < body_count * columns; k++) pair_of[k] = -1;
@@ -151,11 +151,11 @@ EXPORT void rr1_list_body_pairs(
     for (int64_t i = 0; i < both; i++) {
         int64_t k = keyed[i].row, one = pairs[k].one, two = pairs[k].other;
         solids[i] = pairs[k];
-        body_pairs[i] = (ListedBodyPair){body[one], body[two], rows[k].shared, k};
+        body_pairs[i] = (BodyPair){body[one], body[two], rows[k].shared, k, .map = -1};
         if (i == 0 || keyed[i].key != keyed[i - 1].key) {
             int64_t group = bodies[body[one]].group, other = bodies[body[two]].group, column = other - other % LANES;
             int same_group = families > 0 && group_pairs[families - 1].group == group;
-            group_pairs[families] = (ListedGroupPair){group, other, rows[k].shared, .first = i};
+            group_pairs[families] = (GroupPair){group, other, rows[k].shared, .first = i, .map = -1};
             while (group_done <= group) first_group_block[group_done++] = blocks;
             if (!same_group || group_blocks[blocks - 1].first != column) {
                 group_blocks[blocks++] = (NearBlock){column, 0, families};

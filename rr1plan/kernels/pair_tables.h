@@ -22,14 +22,6 @@ typedef struct {
     int64_t column2;  // of q, along its columns
 } BodyPair;
 
-// The entries of `BodyPair` before those of its clearance map.
-typedef struct {
-    int64_t body;
-    int64_t other;
-    int64_t shared;
-    int64_t pair;
-} ListedBodyPair;
-
 // Two groups with bodies that must not collide.
 typedef struct {
     int64_t group;
@@ -39,15 +31,6 @@ typedef struct {
     int64_t last;
     int64_t map;  // for all its pairs together, shaped like that of the first; -1: none
 } GroupPair;
-
-// The entries of `GroupPair` before its clearance map.
-typedef struct {
-    int64_t group;
-    int64_t other;
-    int64_t shared;
-    int64_t first;
-    int64_t last;
-} ListedGroupPair;
 
 // LANES consecutive obstacles or groups, and those of them with which a group must not collide.
 typedef struct {

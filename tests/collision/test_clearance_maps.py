@@ -40,7 +40,7 @@ def of(scene, least=0.001):
     pairs = pairs[(pairs < len(groups)).all(axis=1)]
     pairs = pairs[(groups[pairs] > 0).all(axis=1)]
     maps = clearance_maps.instance_maps(
-        checker.geometry.instances, pairs, np.full(len(pairs), least), np.zeros((0, 5), np.int64)
+        checker.geometry.instances, pairs, np.full(len(pairs), least), np.zeros((0, 2), np.int64)
     )
     return checker, pairs, maps
 
@@ -53,7 +53,7 @@ def number_of(checker, pair):
 def test_no_map_promises_more_than_coal_measures(robot, request, own_cache):
     checker, pairs, maps = of(Scene().with_arm("a", request.getfixturevalue(robot), pose([0.3, 0.1, 0.2])))
     rng, free, seen = np.random.default_rng(4), 0, 0
-    for pair, place, (low_x, per_x, low_y, per_y) in zip(pairs, maps.places, maps.ranges, strict=True):
+    for pair, place, (low_x, per_x, low_y, per_y) in zip(pairs, maps.of_pairs, maps.ranges, strict=True):
         if place[0] < 0:
             continue
         begin, width, x, y = place.tolist()
@@ -91,7 +91,7 @@ def test_what_passes_at_three_millimeters_is_told_from_a_contact(own_cache):
     scene = Scene().with_arm("a", _over_each_other(0.003))
     for least, proven in ((0.001, True), (0.0035, False)):
         _, _, maps = of(scene, least)
-        assert (maps.places[:, 0] >= 0).all()
+        assert (maps.of_pairs[:, 0] >= 0).all()
         assert (maps.counts.max() == 0) == proven
 
 

@@ -243,6 +243,6 @@ def test_maps_of_many_arms_are_made_for_one(six):
         solids = len(instances.geometries[0].solids)
         pairs = np.array([[first + i, first + j] for first in range(0, solids * len(instances.geometries), solids)
                           for i, j in ((1, 4), (2, 5))])  # fmt: skip
-        of.append(instance_maps(instances, pairs, np.full(len(pairs), 0.001), np.zeros((0, 5), np.int64)))
+        of.append(instance_maps(instances, pairs, np.full(len(pairs), 0.001), np.zeros((0, 2), np.int64)))
     np.testing.assert_array_equal(of[0].counts, of[1].counts)
-    np.testing.assert_array_equal(np.unique(of[0].places[:, 0]), np.unique(of[1].places[:, 0]))
+    np.testing.assert_array_equal(np.unique(of[0].of_pairs[:, 0]), np.unique(of[1].of_pairs[:, 0]))

@@ -247,13 +247,15 @@ def padded_pairs(geometry: CollisionGeometry, padding: Array, tolerance: float, 
 def _new_padded_pairs(geometry: CollisionGeometry, padding: Array, rest: float) -> PaddedPairs:
     pairs = _kernel_pairs(geometry)
     least = padding[pairs.body_pairs[:, 3]] + rest
-    maps = instance_maps(geometry.instances, pairs.solids, least, pairs.group_pairs)
+    maps = instance_maps(geometry.instances, pairs.solids, least, pairs.group_pairs[:, 3:5])
+    body_pairs, group_pairs = pairs.body_pairs.copy(), pairs.group_pairs.copy()
+    body_pairs[:, 4:], group_pairs[:, 5] = maps.of_pairs, maps.of_groups
     return PaddedPairs(
         pairs.pair_of,
         *pairs.obstacle_blocks,
         *pairs.group_blocks,
-        read_only(np.column_stack([pairs.body_pairs, maps.places])),
-        read_only(np.column_stack([pairs.group_pairs, maps.groups])),
+        read_only(body_pairs),
+        read_only(group_pairs),
         maps.counts,
         maps.ranges,
         float(np.max(padding, initial=0.0)),
@@ -265,7 +267,7 @@ class _KernelPairs:
     """Pairs of bodies and obstacles that must not touch; columns as in `PaddedPairs`.
 
     Args:
-        body_pairs, group_pairs: First columns of those in `PaddedPairs`.
+        body_pairs, group_pairs: As in `PaddedPairs`, without maps.
         solids: The solids of `body_pairs`, shape (m, 2).
         pair_of: As in `PaddedPairs`.
         obstacle_blocks, group_blocks: As in `PaddedPairs`, with the first block of each group.
@@ -297,7 +299,7 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     bodies, groups = len(spheres.bodies), len(spheres.groups)
     # Allocated for the largest possible number; unused memory is never touched.
     pair_of, room = np.empty((bodies, columns), np.int64), np.empty((count, 4), np.int64)
-    body_pairs, solids, group_pairs = (np.empty((count, width), np.int64) for width in (4, 2, 5))
+    body_pairs, solids, group_pairs = (np.empty((count, width), np.int64) for width in (8, 2, 6))
     obstacle_blocks = np.empty((min(count, groups * columns // LANES), 3), np.int64)
     group_blocks, counts = np.empty((count, 3), np.int64), np.empty(3, np.int64)
     first_obstacle_block, first_group_block = np.empty((2, groups + 1), np.int64)
