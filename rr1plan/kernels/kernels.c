@@ -58,6 +58,5 @@
 #include "sample_pieces.c"
 #endif
 #include "../binding/cpu_level.c"
-#include "sines.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.
 #include "layout.inc"

@@ -212,10 +212,10 @@ static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits
         double begin = sqrt_number(x[i]), end = sqrt_number(x[i + 1]), delta = grid->delta[i], duration;
         if (is_bent(piece, nq)) {
             duration = 2.0 * delta / (begin + end);
-            double first = max_number(tightest_row(a, b, x[i], x[i + 1], 0, nq), x[i] * a[rows - 1]);
             double slow = slowness_at(piece, nq, grid->offset[i] + delta, limits->inverse_velocity);
-            double last = max_number(tightest_row(a, b, x[i], x[i + 1], nq, 2 * nq), x[i + 1] * slow);
-            loose += duration * max_number(0.0, 1.0 - min_number(first, last));
+            double used = max_number(tightest_row(a, b, x[i], x[i + 1], 0, nq), x[i] * a[rows - 1]);
+            double used_last = max_number(tightest_row(a, b, x[i], x[i + 1], nq, 2 * nq), x[i + 1] * slow);
+            loose += duration * max_number(0.0, 1.0 - min_number(used, used_last));
         } else {
             Profile profile = bang_bang_profile(piece, nq, delta, limits, x[i], x[i + 1]);
             double top = sqrt_number(profile.peak);

@@ -1,18 +1,9 @@
 // Corners of polylines: points that are neither duplicates nor on the line between others.
 
-static double polyline_distance(const double *points, int64_t nq, int64_t a, int64_t b) {
-    double square = 0.0;
-    for (int64_t j = 0; j < nq; j++) {
-        double difference = points[b * nq + j] - points[a * nq + j];
-        square += difference * difference;
-    }
-    return sqrt_number(square);
-}
-
 // Length of a polyline, shape (count, nq).
 EXPORT double rr1_polyline_length(const double *points, int64_t count, int64_t nq) {
     double length = 0.0;
-    for (int64_t i = 0; i + 1 < count; i++) length += polyline_distance(points, nq, i, i + 1);
+    for (int64_t i = 0; i + 1 < count; i++) length += row_distance(points + i * nq, points + (i + 1) * nq, nq);
     return length;
 }
 
@@ -20,7 +11,7 @@ EXPORT double rr1_polyline_length(const double *points, int64_t count, int64_t n
 static int is_straight(const double *points, int64_t nq, const int64_t *index, int64_t first, int64_t last,
                        double tolerance) {
     const double *a = points + index[first] * nq, *b = points + index[last] * nq;
-    double length = polyline_distance(points, nq, index[first], index[last]), before = 0.0;
+    double length = row_distance(a, b, nq), before = 0.0;
     if (length < tolerance) return 0;
     for (int64_t i = first + 1; i < last; i++) {
         const double *point = points + index[i] * nq;
@@ -44,7 +35,7 @@ EXPORT int64_t rr1_find_corners(const double *points, int64_t count, int64_t nq,
     int64_t size = 1, kept = 1;
     index[0] = 0;
     for (int64_t i = 1; i < count; i++)
-        if (polyline_distance(points, nq, index[size - 1], i) >= tolerance) index[size++] = i;
+        if (row_distance(points + index[size - 1] * nq, points + i * nq, nq) >= tolerance) index[size++] = i;
     if (size > 1) index[size - 1] = count - 1;
     for (int64_t last = 0; last < size - 1;) {
         int64_t end = last + 1;

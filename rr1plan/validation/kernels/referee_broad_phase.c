@@ -303,7 +303,8 @@ static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64
         s->smallest[group] = lesser(s->smallest[group], 0.0);
     double duration = s->breaks[s->break_count - 1] - s->breaks[0];
     s->chunk_slices |= slices;
-    s->chunk_work += (double)((s->pair_count - before) * __builtin_popcountll((uint64_t)slices)) * duration / s->slice_count;
+    int64_t pairs = (s->pair_count - before) * __builtin_popcountll((uint64_t)slices);
+    s->chunk_work += (double)pairs * duration / (double)s->slice_count;
     s->elements[s->element_pair_count++] = pair;
 }
 

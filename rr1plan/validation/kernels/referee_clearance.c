@@ -273,9 +273,9 @@ static inline double enough_depth(const RefereeSearch *s, const ElementPair *ele
     return elements->seen - greater(s->tolerance, 0.05 * fabs(elements->seen));
 }
 
-// A lower bound of the clearance of a pair in contact within `half` of the posed time, and whether it excludes depths
-// that exceed the largest one seen by more than the tolerance and a twentieth.
-static IntervalClearance depth_interval(RefereeSearch *s, int64_t k, double time, double half) {
+// A lower bound of the clearance of a pair in contact on the interval around the posed time, and whether it excludes
+// depths that exceed the largest one seen by more than the tolerance and a twentieth.
+static IntervalClearance depth_interval(RefereeSearch *s, int64_t k, double time) {
     const RefereePair *pair = &s->pairs[k];
     const ElementPair *elements = &s->elements[pair->elements];
     PairView v = view_pair(s, k);

@@ -235,9 +235,9 @@ static double nearest_on_triangle(const PointPair *p, int i, int j, int k, Share
     int ends[2][2] = {{i, k}, {j, k}};
     for (int side = 0; side < 2; side++) {
         Shares other;
-        double square = nearest_on_segment(p, ends[side][0], ends[side][1], &other);
-        if (square < least) {
-            least = square;
+        double nearer = nearest_on_segment(p, ends[side][0], ends[side][1], &other);
+        if (nearer < least) {
+            least = nearer;
             *shares = other;
         }
     }

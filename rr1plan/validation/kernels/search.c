@@ -190,7 +190,7 @@ static void visit_interval(RefereeSearch *s) {
         place_swept(s, pair->arm_b, pair->body_b);
         IntervalClearance clearance;
         if (in_depth) {
-            clearance = depth_interval(s, k, at.time, at.half);
+            clearance = depth_interval(s, k, at.time);
             clearance.settled |= !has_depths_left(s);
         } else {
             clearance = interval_clearance(s, k, at.time, at.half);
