@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.convex.interior_depth import Interior, interior_of
-from rr1plan.model.arm_model import joint_twist
+from rr1plan.model.arm_model import joint_axis
 from rr1plan.model.scene_model import SceneModel
 
 _SLACK = 1e-6  # [m]; the motion checker counts smaller gaps as contacts
@@ -73,10 +73,8 @@ class JointPlane:
     def __init__(self, model: SceneModel, q: Array, columns: tuple[int, int]) -> None:
         self.model = model
         self._q, self._columns = np.array(q, dtype=np.float64), list(columns)
-        joints = [model.model.joints[j] for j in range(1, model.model.njoints)]
-        twists = np.array([joint_twist(joint) for joint in joints]).reshape(-1, 6)
-        self._slides = np.linalg.norm(twists[:, 3:], axis=1) < 0.5
-        self._axes = np.where(self._slides[:, None], twists[:, :3], twists[:, 3:])
+        joints = [joint_axis(model.model.joints[j]) for j in range(1, model.model.njoints)]
+        self._slides, self._axes = [slides for slides, _ in joints], [axis for _, axis in joints]
         self._gains = np.array(
             [[gain * (c == k) for k in columns] for c, gain in zip(model.columns, model.gains, strict=True)]
         )

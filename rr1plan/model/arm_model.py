@@ -197,10 +197,12 @@ def _joint_model(joint: Joint) -> pin.JointModel:
     return aligned[_AXES.index(axis)]() if axis in _AXES else unaligned(np.array(axis))
 
 
-def joint_twist(joint: pin.JointModel) -> Array:
-    """Unit twist (linear, angular) of a one-degree-of-freedom joint in its frame, shape (6,)."""
+def joint_axis(joint: pin.JointModel) -> tuple[bool, Array]:
+    """Whether a joint with one degree of freedom slides, and the unit axis in its frame, shape (3,)."""
     # Constant, so the data need not be computed; `joint.calc` would read the whole configuration of its model.
-    return np.asarray(joint.createData().S).ravel()
+    linear, angular = np.array(joint.createData().S).reshape(2, 3)
+    slides = not angular.any()
+    return slides, linear if slides else angular
 
 
 def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[int, float, float]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.kernels.planner_kernels import CStruct
-from rr1plan.model.arm_model import ArmModel, joint_twist
+from rr1plan.model.arm_model import ArmModel, joint_axis
 from rr1plan.transforms import inverse, rotation_about
 
 
@@ -47,9 +47,8 @@ def chain_of(arm_model: ArmModel, link: str, first: int = 0) -> Chain:
     model, body = arm_model.model, arm_model.bodies[link]
     joints, values, T = [], [], np.eye(4)
     for j in [j for j in model.supports[body.joint] if j > 0]:
-        twist = joint_twist(model.joints[j])
-        slides = float(np.abs(twist[:3]).max()) > 0.5
-        turned = turned_to(twist[:3] if slides else twist[3:])
+        slides, axis = joint_axis(model.joints[j])
+        turned = turned_to(axis)
         gain, offset = float(arm_model.gains[j - 1]), float(arm_model.offsets[j - 1])
         T = T @ model.jointPlacements[j].homogeneous @ turned
         if arm_model.columns[j - 1] >= 0 and gain != 0.0:

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from rr1plan.checks import Array
+from rr1plan.model.arm_model import joint_axis
 from rr1plan.model.forward_kinematics import Kinematics
 from rr1plan.model.ik_descent import Target
 
@@ -71,7 +72,7 @@ class EdgeBound:
         self._chain = np.array(chain, dtype=np.intp) - 1
         after = [model.jointPlacements[j].translation for j in chain[1:]] + [frame.placement.translation]
         self._arms = np.array([np.linalg.norm(v) for v in after])[: len(chain)]
-        self._slides = np.array(["JointModelP" in model.joints[j].shortname() for j in chain], dtype=np.bool_)
+        self._slides = np.array([joint_axis(model.joints[j])[0] for j in chain], dtype=np.bool_)
 
     def bound(self, a: Array, b: Array) -> tuple[float, float]:
         """Bounds of the deviation from the line [m] and from slerp [rad] on the edge from a (nq,) to b (nq,)."""

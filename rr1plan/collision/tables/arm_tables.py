@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances
 from rr1plan.collision.tables.body_tables import FAR, BodyTables, body_tables, flat
-from rr1plan.model.arm_model import ArmModel, joint_twist
+from rr1plan.model.arm_model import ArmModel, joint_axis
 from rr1plan.object_cache import kept_in
 from rr1plan.transforms import rotation_about
 
@@ -182,14 +182,13 @@ def _joint_tables(arm_model: ArmModel) -> tuple[_INTS, Array, Array]:
     joints, values, poses = np.zeros((count, 4), np.int64), np.zeros((count, 17)), np.zeros((count, 12))
     poses[0] = flat(np.eye(4))
     for j in range(1, count):
-        twist = joint_twist(model.joints[j])
-        prismatic = float(np.abs(twist[:3]).max()) > 0.5
+        prismatic, axis = joint_axis(model.joints[j])
         gain = float(arm_model.gains[j - 1])
         column = int(arm_model.columns[j - 1]) if gain != 0.0 else -1
         parent = int(model.parents[j])
         joints[j] = parent, prismatic, column, column >= 0 or joints[parent, 3]
         values[j, :12] = flat(model.jointPlacements[j].homogeneous)
-        values[j, 12:15] = twist[:3] if prismatic else twist[3:]
+        values[j, 12:15] = axis
         values[j, 15:] = gain, arm_model.offsets[j - 1]
         poses[j] = flat(data.oMi[j].homogeneous)
     return joints, values, poses

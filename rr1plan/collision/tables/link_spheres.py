@@ -16,8 +16,8 @@ from rr1plan.collision.convex.convex_cores import NO_CORES, Cores, CoreTables, c
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, joint_motion, moved
 from rr1plan.kernels.planner_kernels import CStruct, constants
+from rr1plan.model.kinematic_chain import turned_to
 from rr1plan.object_cache import kept_in
-from rr1plan.transforms import rotation_about
 
 _INTS = NDArray[np.int64]
 _LANES = constants()["LANES"]
@@ -313,18 +313,6 @@ def _group(
     return bodies, groups, np.concatenate(rows), chain, reach
 
 
-def _turn_from_z(axis: Array) -> Array:
-    """A rotation that maps z to an axis, shape (4, 4)."""
-    T = np.eye(4)
-    cross = np.array([-axis[1], axis[0], 0.0])
-    sine = float(np.linalg.norm(cross))
-    if sine > 1e-12:
-        T[:3, :3] = rotation_about(cross / sine, float(np.arctan2(sine, axis[2])))
-    elif axis[2] < 0.0:
-        T[:3, :3] = np.diag([1.0, -1.0, -1.0])
-    return T
-
-
 def _driven_joints(tables: ArmTables) -> _Joints:
     rows, values = [(0, 0, 0)], [np.zeros(13)]
     carrier, offset = [0], [np.eye(4)]
@@ -335,7 +323,7 @@ def _driven_joints(tables: ArmTables) -> _Joints:
             carrier.append(carrier[parent])
             offset.append(T)
             continue
-        turn = _turn_from_z(axis)
+        turn = turned_to(axis)
         rows.append((carrier[parent], prismatic, column))
         T = T @ turn
         values.append(np.array([*T[:3, :3].ravel(), *T[:3, 3], gain]))
