@@ -252,7 +252,7 @@ EXPORT void rr1_sweep_timed_arms(const TimedScene *scene, TimedScratch *scratch)
             for (int64_t b = scene->first_box; b < exact->body_count; b++) {
                 if (scene->arm_of_body[b] != a) continue;
                 double radius = timed_travel(b, seen, scene, scratch->exact) * SLACK + exact->shapes[b].ball_radius;
-                const double *center = &scratch->exact->centers[b].x;
+                const double *center = (const double *)&scratch->exact->centers[b];
                 for (int k = 0; k < 3; k++) {
                     box->low[k] = min_number(box->low[k], center[k] - radius - ROUNDING);
                     box->high[k] = max_number(box->high[k], center[k] + radius + ROUNDING);

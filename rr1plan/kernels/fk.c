@@ -51,7 +51,7 @@ static void place_body(int64_t body, const ExactTables *exact, ExactScratch *scr
     const ExactShape *shape = &exact->shapes[body];
     const Pose *joint = &scratch->joint_poses[exact->bodies[body].joint];
     Pose *pose = &scratch->poses[body];
-    double *center = &scratch->centers[body].x;
+    double *center = (double *)&scratch->centers[body];
     const double *R = shape->rotation, *p = shape->origin, *ball = shape->ball_center;
     for (int r = 0; r < 3; r++) {
         double a = joint->rotation[3 * r], b = joint->rotation[3 * r + 1], c = joint->rotation[3 * r + 2];

@@ -108,7 +108,7 @@ EXPORT void rr1_count_near_cells(const float *distances, int64_t rows, int64_t w
         int16_t along = 0, *row = counts + (x + 1) * (width + 1);
         row[0] = 0;
         for (int64_t y = 0; y < width; y++) {
-            along += (double)distances[x * width + y] >= least ? 0 : 1;
+            along = (int16_t)(along + !((double)distances[x * width + y] >= least));
             row[y + 1] = (int16_t)(row[y + 1 - (width + 1)] + along);
         }
     }

@@ -171,7 +171,7 @@ static void set_core(
     for (int k = 0; k < 9; k++) shape->axes[k] = at->rotation[k];
     int64_t count = core->last_point - core->first_point;
     for (int64_t k = 0; k < count; k++) {
-        placed_point(at, &fixed->points[solid->first_point + k].x, &points[core->first_point + k].x);
+        placed_point(at, (const double *)&fixed->points[solid->first_point + k], (double *)&points[core->first_point + k]);
     }
     double largest = max_number(max_number(abs_number(at->origin[0]), abs_number(at->origin[1])), abs_number(at->origin[2]));
     for (int64_t k = 0; k < (count + BLOCK_POINTS - 1) / BLOCK_POINTS; k++) {

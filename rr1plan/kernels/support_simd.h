@@ -142,7 +142,7 @@ NOINLINE f64x8 lowest_within(int64_t core, Vec8 n, Vec8 low, int64_t base, uint6
         if ((less_than(bound, best) & lanes) == 0) continue;
         int64_t last = i + BLOCK_POINTS < range->last_point ? i + BLOCK_POINTS : range->last_point;
         for (int64_t p = i; p < last; p++)
-            best = min_lanes(swept_height(&arm->points[p].x, local, speed, h), best);
+            best = min_lanes(swept_height((const double *)&arm->points[p], local, speed, h), best);
     }
     return offset + best;
 }

@@ -7,7 +7,7 @@ Reachability Analysis", IEEE T-RO 34(3), 2018.
 
 The constraints are not TOPPRA's: d²q/ds² is constant and x linear in s on every interval of a parabola, so
 acceleration is linear in s there, and a limit satisfied at both ends (with the second derivative
-of that interval, not its neighbor's) is satisfied between them. `speed.time_polyline` is the compiled
+of that interval, not its neighbor's) is satisfied between them. `path_speed.time_polyline` is the compiled
 equivalent without torque limits; the gravity term needs a full linear program.
 """
 

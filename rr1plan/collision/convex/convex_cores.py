@@ -66,33 +66,25 @@ class Cores:
         self._lowest: list[_INTS] = [_NONE]
         self._counts = np.zeros(3, np.int64)
 
-    def add(self, frame: int, shape: Shape, T: Array) -> int:
-        """The row of a shape placed in a frame."""
+    def add(self, frame: int, shape: Shape, T: Array) -> None:
+        """Add the core of a shape, placed in a frame."""
         rotate, shift = T[:3, :3], T[:3, 3]
         if isinstance(shape, Cylinder):
-            middle, radius, kind, blocks, lowest, shared = (
-                shift,
-                0.0,
-                _KIND["CORE_CYLINDER"],
-                np.zeros((0, 4)),
-                _NONE,
-                0,
-            )
+            kind, middle = _KIND["CORE_CYLINDER"], shift
             points = np.array([shift, rotate[:, 2], [0.5 * shape.length, shape.radius, 0.0]])
-            reach = float(np.hypot(0.5 * shape.length, shape.radius)) * (1.0 + 1e-9)
+            blocks, lowest, shared = np.zeros((0, 4)), _NONE, 0
+            reach = float(np.hypot(0.5 * shape.length, shape.radius))
         else:
             points, blocks, lowest, shared = _placed_blocks(shape, rotate, shift)
-            radius, kind = core_radius(shape), _KIND["CORE_POINTS"]
-            middle = points.mean(axis=0)
-            reach = float(np.linalg.norm(points - middle, axis=1).max()) * (1.0 + 1e-9)
+            kind, middle = _KIND["CORE_POINTS"], points.mean(axis=0)
+            reach = float(np.linalg.norm(points - middle, axis=1).max())
         first, first_block, first_word = self._counts.tolist()
         self._rows.append((frame, first, first + len(points), kind, first_block, first_word, shared))
-        self._values.append(np.array([*middle, radius, reach, *rotate.ravel()]))
+        self._values.append(np.array([*middle, core_radius(shape), reach * _SAFETY, *rotate.ravel()]))
         self._points.append(points)
         self._blocks.append(blocks)
         self._lowest.append(lowest)
         self._counts += len(points), len(blocks), len(lowest)
-        return len(self._rows) - 1
 
     def tables(self) -> CoreTables:
         """The added rows, counted from zero."""
