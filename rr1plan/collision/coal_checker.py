@@ -412,9 +412,9 @@ class CoalChecker:
         if len(index) == 0:
             return StaticPairs(read_only(np.full(len(self.pairs), np.inf)))
         padding = self.padding[owner]
-        things = CoalPairs(self.model, self.solids, index, padding)
-        things.place(np.zeros(self.nq))
-        return measure_static(things, self.pairs, owner, padding)
+        placed = CoalPairs(self.model, self.solids, index, padding)
+        placed.place(np.zeros(self.nq))
+        return measure_static(placed, self.pairs, owner, padding)
 
 
 def is_plain(given: ArrayLike, shape: tuple[int, ...]) -> TypeGuard[Array]:

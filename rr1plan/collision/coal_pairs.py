@@ -255,23 +255,23 @@ class StaticPairs:
 
 
 def measure_static(
-    things: CoalPairs, pairs: tuple[tuple[str, str], ...], owner: NDArray[np.int64], padding: Array
+    placed: CoalPairs, pairs: tuple[tuple[str, str], ...], owner: NDArray[np.int64], padding: Array
 ) -> StaticPairs:
     """Measure pairs that do not move relative to each other.
 
     Args:
-        things: Placed pairs of solids that do not move relative to each other; at least one.
+        placed: Placed pairs of solids that do not move relative to each other; at least one.
         pairs: Names of all checked pairs of elements.
         owner: Index in `pairs` of each pair of solids, shape (m,).
         padding: Padding of each pair of solids [m], shape (m,).
     """
-    distances, found = np.full(len(pairs), np.inf), things.distances()
+    distances, found = np.full(len(pairs), np.inf), placed.distances()
     np.minimum.at(distances, owner, found)
     touching = []
     for i in np.flatnonzero(found <= padding).tolist():
-        distance, a, b = things.distance(i)
+        distance, a, b = placed.distance(i)
         touching.append((int(owner[i]), float(padding[i]) - distance, 0.5 * (a + b)))
     nearest = int(np.argmin(found))
-    _, a, b = things.distance(nearest)
+    _, a, b = placed.distance(nearest)
     closest = Nearest(float(found[nearest]), pairs[owner[nearest]], read_only(a), read_only(b))
     return StaticPairs(read_only(distances), tuple(touching), closest)

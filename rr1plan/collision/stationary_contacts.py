@@ -159,20 +159,20 @@ def _contacts_between(
     arms = {name: scene.arms[name] for name in owners if name in scene.arms}
     obstacles = {name: scene.obstacles[name] for name in owners if name in scene.obstacles}
     standing = [stationary_arm_geometry(n, geometries[n], arm.base, arm.q) for n, arm in arms.items()]
-    things = ObstacleGeometry.joined([*standing, obstacle_geometry(obstacles)])
-    elements = things.elements
-    near = _near_solids(things, max((scene.padding, *scene.pair_padding.values())))
+    objects = ObstacleGeometry.joined([*standing, obstacle_geometry(obstacles)])
+    elements = objects.elements
+    near = _near_solids(objects, max((scene.padding, *scene.pair_padding.values())))
     named = [(elements[i], elements[j]) for i, j in near]
     checked = {(a, b): scene.padding_of(a, b) for a, b in dict.fromkeys(named) if a != b and not scene.may_touch(a, b)}
     chosen = [k for k, both in enumerate(named) if both in checked]
     if not chosen:
         return
     padding = np.array([checked[named[k]] for k in chosen])
-    tables = build_fixed_tables(things, near[chosen], padding)
+    tables = build_fixed_tables(objects, near[chosen], padding)
     nothing = np.zeros(0)
     if tables is not None and ExactKernel(tables, 0).least_clearance(nothing, ROUNDING) >= ROUNDING:
         return  # the usual case; Coal's objects would take milliseconds
-    coal = CoalPairs(None, things.solids, near[chosen], padding)
+    coal = CoalPairs(None, objects.solids, near[chosen], padding)
     coal.place(nothing)
     deepest: dict[tuple[str, str], Contact] = {}
     for k in coal.touching():
@@ -183,10 +183,10 @@ def _contacts_between(
     yield from deepest.values()
 
 
-def _near_solids(things: ObstacleGeometry, distance: float) -> NDArray[np.int64]:
+def _near_solids(objects: ObstacleGeometry, distance: float) -> NDArray[np.int64]:
     """Pairs of solids of two objects, or of one with itself, whose balls are within a distance, shape (m, 2)."""
-    balls, alone = balls_of(things), len(things.counts) == 1
-    one, two = (balls, balls) if alone else np.split(balls, [things.counts[0]])
+    balls, alone = balls_of(objects), len(objects.counts) == 1
+    one, two = (balls, balls) if alone else np.split(balls, [objects.counts[0]])
     near = ball_gaps(one, two) <= distance
     if alone:
         return np.argwhere(np.triu(near, 1))

@@ -12,7 +12,7 @@ typedef struct {
 typedef struct {
     int64_t object;
     int64_t body;         // row of the exact kernel's tables, -1: a link, whose row is the arm's
-    int64_t place;        // in `ObstacleTables`, -1: no moving body is checked against it
+    int64_t obstacle;     // row of `ObstacleTables`, -1: no moving body is checked against it
     int64_t core;         // likewise
     int64_t first_point;  // of `points`, if it has a core; -1: the core is placed and does not move
     int64_t first_block;  // of `blocks`

@@ -49,21 +49,21 @@ EXPORT int64_t rr1_list_solid_pairs(
     return moving;
 }
 
-// Number the solids that do not move but have a pair with a body: `place` of each solid, -1 for all others. Returns
+// Number the solids that do not move but have a pair with a body: `obstacle` of each solid, -1 for all others. Returns
 // their number.
 //
 // pairs: the moving pairs; body: the body of each solid, -1: none.
 EXPORT int64_t rr1_number_obstacles(
-    const NumberPair *pairs, int64_t pair_count, const int64_t *body, int64_t solid_count, int64_t *place
+    const NumberPair *pairs, int64_t pair_count, const int64_t *body, int64_t solid_count, int64_t *obstacle
 ) {
-    for (int64_t i = 0; i < solid_count; i++) place[i] = -1;
+    for (int64_t i = 0; i < solid_count; i++) obstacle[i] = -1;
     for (int64_t k = 0; k < pair_count; k++) {
-        if (body[pairs[k].one] < 0) place[pairs[k].one] = 0;
-        if (body[pairs[k].other] < 0) place[pairs[k].other] = 0;
+        if (body[pairs[k].one] < 0) obstacle[pairs[k].one] = 0;
+        if (body[pairs[k].other] < 0) obstacle[pairs[k].other] = 0;
     }
     int64_t count = 0;
     for (int64_t i = 0; i < solid_count; i++) {
-        if (place[i] == 0) place[i] = count++;
+        if (obstacle[i] == 0) obstacle[i] = count++;
     }
     return count;
 }
@@ -118,12 +118,12 @@ static int64_t list_obstacle_blocks(
 
 // List the pairs for the certified edge, without clearance maps.
 //
-// pairs, rows: moving pairs from `rr1_list_solid_pairs`; body, place: for each solid, from `rr1_number_obstacles`;
+// pairs, rows: moving pairs from `rr1_list_solid_pairs`; body, obstacle: for each solid, from `rr1_number_obstacles`;
 // bodies, groups: of `ArmGeometry`, whose chains have at most `joint_count` joints; columns: of `pair_of`, a multiple
 // of LANES; room: four numbers for each pair of bodies. solids: for each body pair. counts: of group pairs, blocks of
 // obstacles, blocks of groups.
 EXPORT void rr1_list_body_pairs(
-    const NumberPair *pairs, const ExactPair *rows, int64_t pair_count, const int64_t *body, const int64_t *place,
+    const NumberPair *pairs, const ExactPair *rows, int64_t pair_count, const int64_t *body, const int64_t *obstacle,
     const Body *bodies, int64_t body_count, const Group *groups, int64_t group_count, int64_t joint_count,
     int64_t columns, int64_t *room, int64_t *pair_of, BodyPair *body_pairs, NumberPair *solids,
     GroupPair *group_pairs, NearBlock *obstacle_blocks, int64_t *first_obstacle_block,
@@ -137,9 +137,9 @@ EXPORT void rr1_list_body_pairs(
     for (int64_t k = 0; k < pair_count; k++) {
         int64_t one = pairs[k].one, two = pairs[k].other;
         if (body[one] < 0) {
-            pair_of[body[two] * columns + place[one]] = k;
+            pair_of[body[two] * columns + obstacle[one]] = k;
         } else if (body[two] < 0) {
-            pair_of[body[one] * columns + place[two]] = k;
+            pair_of[body[one] * columns + obstacle[two]] = k;
         } else {
             int64_t group = bodies[body[one]].group, other = bodies[body[two]].group;
             // Sorted by both groups, then by the number of joints that move both bodies.

@@ -78,7 +78,7 @@ EXPORT int64_t rr1_describe_solids(
     for (; object < fixed->object_count; object++) {
         fixed->objects[object] = *poses++;
         for (int64_t end = i + *counts++; i < end; i++, sizes++, frames++) {
-            fixed->solids[i] = (FixedSolid){.object = object, .body = first_body++, .place = -1};
+            fixed->solids[i] = (FixedSolid){.object = object, .body = first_body++, .obstacle = -1};
             describe(sizes, &fixed->solids[i], &shapes[i]);
             in_objects[i] = *frames;
             left += fixed->solids[i].core == CORE_LEFT_OUT;
@@ -215,10 +215,10 @@ static double obstacle_rounding(const ObstacleShape *shapes, int64_t count) {
     return 1e-12 * largest;
 }
 
-// Tables of `count` obstacles: those of all solids with a place there; the other rows are empty. Returns a bound of the
+// Tables of `count` obstacles: those of all solids with a row there; the other rows are empty. Returns a bound of the
 // rounding error of a gap to them [m].
 EXPORT double rr1_place_obstacles(
-    FixedSolids *fixed, const int64_t *places, int64_t count, ObstacleKind *kinds, ObstacleShape *shapes, double *boxes,
+    FixedSolids *fixed, const int64_t *rows, int64_t count, ObstacleKind *kinds, ObstacleShape *shapes, double *boxes,
     int64_t *core
 ) {
     for (int64_t o = 0; o < count; o++) {
@@ -232,7 +232,7 @@ EXPORT double rr1_place_obstacles(
     }
     for (int64_t i = 0; i < fixed->count; i++) {
         FixedSolid *solid = &fixed->solids[i];
-        int64_t o = solid->place = places[i];
+        int64_t o = solid->obstacle = rows[i];
         if (o < 0) continue;
         Pose at = pose_of(fixed, i);
         kinds[o] = (ObstacleKind){solid->kind, solid->is_exact};
@@ -262,8 +262,8 @@ EXPORT void rr1_move_objects(SceneTables *scene, Scratch *scratch, int64_t first
                 &fixed->shapes[i], &at, (ExactShape *)&scene->exact->shapes[b], &exact->poses[b], &exact->centers[b]
             );
         }
-        if (solid->place >= 0) {
-            int64_t o = solid->place;
+        if (solid->obstacle >= 0) {
+            int64_t o = solid->obstacle;
             ObstacleShape *row = (ObstacleShape *)&obstacles->shapes[o];
             set_shape(solid, &fixed->shapes[i], &at, row, (double *)&obstacles->boxes[o], obstacles->count);
         }

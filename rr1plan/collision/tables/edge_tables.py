@@ -96,7 +96,7 @@ def build_edge_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: 
     instances, pairs = geometry.instances, _kernel_pairs(geometry)
     link_cores, numbers = _link_cores(instances)
     cores = fixed.place_cores(link_cores, numbers)
-    obstacles, rounding = fixed.place_obstacles(pairs.places, pairs.pair_of.shape[1])
+    obstacles, rounding = fixed.place_obstacles(pairs.obstacle_rows, pairs.pair_of.shape[1])
     bare = tolerance + instance_spheres(instances).rounding
     padded = padded_pairs(geometry, padding, tolerance, bare + rounding)
     return EdgeTables(instances, cores, obstacles, padded, padding, bare + rounding, bare)
@@ -271,8 +271,8 @@ class _KernelPairs:
         solids: The solids of `body_pairs`, shape (m, 2).
         pair_of: As in `PaddedPairs`.
         obstacle_blocks, group_blocks: As in `PaddedPairs`, with the first block of each group.
-        places: Column in `pair_of` of each fixed link, then of each obstacle solid; -1 if no moving body is checked
-            against it.
+        obstacle_rows: Column in `pair_of` of each fixed link, then of each obstacle solid; -1 if no moving body is
+            checked against it.
     """
 
     body_pairs: _INTS
@@ -281,7 +281,7 @@ class _KernelPairs:
     pair_of: _INTS
     obstacle_blocks: tuple[_INTS, _INTS]
     group_blocks: tuple[_INTS, _INTS]
-    places: _INTS
+    obstacle_rows: _INTS
 
 
 def _kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
@@ -293,8 +293,8 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     spheres, pairs, library = instance_spheres(geometry.instances), geometry.pairs, load_library()
     body = np.full(len(pairs.surfaceless), -1, np.int64)
     body[: len(spheres.body)] = spheres.body
-    place, count = np.empty(len(body), np.int64), len(pairs.moving)
-    obstacles = library.rr1_number_obstacles(pairs.moving, count, body, len(body), place)
+    obstacle, count = np.empty(len(body), np.int64), len(pairs.moving)
+    obstacles = library.rr1_number_obstacles(pairs.moving, count, body, len(body), obstacle)
     columns = obstacles + -obstacles % LANES
     bodies, groups = len(spheres.bodies), len(spheres.groups)
     # Allocated for the largest possible number; unused memory is never touched.
@@ -304,7 +304,7 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     group_blocks, counts = np.empty((count, 3), np.int64), np.empty(3, np.int64)
     first_obstacle_block, first_group_block = np.empty((2, groups + 1), np.int64)
     library.rr1_list_body_pairs(
-        pairs.moving, pairs.moving_rows, count, body, place, spheres.bodies, bodies, spheres.groups, groups,
+        pairs.moving, pairs.moving_rows, count, body, obstacle, spheres.bodies, bodies, spheres.groups, groups,
         len(spheres.joints), columns, room, pair_of, body_pairs, solids, group_pairs,
         obstacle_blocks, first_obstacle_block, group_blocks, first_group_block, counts,
     )  # fmt: skip
@@ -317,5 +317,5 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
         read_only(pair_of),
         (read_only(obstacle_blocks[:to_obstacles]), read_only(first_obstacle_block)),
         (read_only(group_blocks[:to_groups]), read_only(first_group_block)),
-        read_only(place[body < 0]),
+        read_only(obstacle[body < 0]),
     )

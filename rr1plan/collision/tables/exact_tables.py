@@ -151,20 +151,20 @@ def build_static_tables(tables: ExactTables, pairs: SolidPairs, padding: Array) 
     return tables._replace(pairs=pairs.static_rows, padding=padding)
 
 
-def build_fixed_tables(things: ObstacleGeometry, pairs: _INTS, padding: Array) -> ExactTables | None:
+def build_fixed_tables(objects: ObstacleGeometry, pairs: _INTS, padding: Array) -> ExactTables | None:
     """Tables of objects that do not move; None if the kernel cannot measure some pairs.
 
     Args:
-        things: The objects.
+        objects: The objects.
         pairs: Pairs of their solids, numbered object after object [index], shape (m, 2).
         padding: Distance to keep for each [m], shape (m,).
     """
-    surfaceless = np.array(things.surfaceless, np.bool_)[pairs]
+    surfaceless = np.array(objects.surfaceless, np.bool_)[pairs]
     if surfaceless.all(axis=1).any():
         return None
     turned = np.where(surfaceless[:, :1], pairs[:, ::-1], pairs)
     rows = np.column_stack([turned, np.zeros(len(pairs), np.int64)])
-    return _tables(arm_instances((), ()), FixedSolids(things), rows, padding)
+    return _tables(arm_instances((), ()), FixedSolids(objects), rows, padding)
 
 
 def _tables(instances: ArmInstances, fixed: FixedSolids, pairs: _INTS, padding: Array) -> ExactTables:

@@ -30,7 +30,7 @@ class FixedSolids:
     """Solids of objects that do not move, as in `fixed_solids.h`.
 
     Args:
-        things: The objects.
+        objects: The objects.
         first_body: Row of the first solid in the exact kernel's tables.
         links: Links of moving arms, which come first: their rows and cores are with the arms'.
 
@@ -39,40 +39,40 @@ class FixedSolids:
         struct: All solids as a C struct.
     """
 
-    def __init__(self, things: ObstacleGeometry, first_body: int = 0, links: FixedSolids | None = None) -> None:
+    def __init__(self, objects: ObstacleGeometry, first_body: int = 0, links: FixedSolids | None = None) -> None:
         self._links: int = 0 if links is None else links.count
-        self.count: int = self._links + len(things.shapes)
-        self._exact_kinds = things.kinds
+        self.count: int = self._links + len(objects.shapes)
+        self._exact_kinds = objects.kinds
         self.struct: CStruct
-        given = things.sizes, things.frames, things.counts, things.poses
+        given = objects.sizes, objects.frames, objects.counts, objects.poses
         self.struct, special = describe_solids(*given, first_body, None if links is None else links.struct)
         # Meshes and point clouds by their number among all solids, except links; and those with cores.
         self._special: list[tuple[int, Shape]] = []
         self._cores: list[tuple[int, CoreTables]] = []
         if special:
-            self._describe_special(things.shapes)
+            self._describe_special(objects.shapes)
 
     @property
     def solids(self) -> _INTS:
         """A `FixedSolid` for each, shape (n, 8)."""
         return np.asarray(self.struct.part("solids").view(np.int64))
 
-    def fit(self, things: ObstacleGeometry) -> bool:
+    def fit(self, objects: ObstacleGeometry) -> bool:
         """Whether other objects can replace these: same kinds of solids, and equal shapes where these have tables."""
-        return np.array_equal(things.kinds, self._exact_kinds) and all(
-            things.shapes[i - self._links] == shape for i, shape in self._special
+        return np.array_equal(objects.kinds, self._exact_kinds) and all(
+            objects.shapes[i - self._links] == shape for i, shape in self._special
         )
 
-    def replace(self, things: ObstacleGeometry, tables: tuple[int, int]) -> None:
+    def replace(self, objects: ObstacleGeometry, tables: tuple[int, int]) -> None:
         """Replace the objects by others that `fit`.
 
         Args:
-            things: The objects.
+            objects: The objects.
             tables: Addresses of the `SceneTables` and the `Scratch` that contain these solids.
         """
-        objects = self.struct.value.object_count - len(things.counts)
+        first = self.struct.value.object_count - len(objects.counts)
         replace = load_library().rr1_replace_solids
-        replace(*tables, self._links, objects, things.sizes, things.frames, things.poses)
+        replace(*tables, self._links, first, objects.sizes, objects.frames, objects.poses)
 
     def _describe_special(self, shapes: Sequence[Shape]) -> None:
         """Describe meshes and point clouds: write their rows of `SolidShape`, their kinds of cores, and the cores."""
@@ -152,11 +152,11 @@ class FixedSolids:
         load_library().rr1_place_cores(self.struct, tables.rows, tables.values, tables.points, tables.blocks)
         return tables
 
-    def place_obstacles(self, places: _INTS, count: int) -> tuple[CStruct, float]:
+    def place_obstacles(self, rows: _INTS, count: int) -> tuple[CStruct, float]:
         """The solids as obstacles, placed after their cores, and a bound of the rounding error of gaps to them [m].
 
         Args:
-            places: Row of each solid in the tables, -1: none, shape (n,). Other rows are at no place.
+            rows: Row of each solid in the tables, -1: none, shape (n,). Other rows are empty.
             count: Number of rows.
 
         Returns:
@@ -166,19 +166,19 @@ class FixedSolids:
         tables.give_room(unset=True, kinds=count, shapes=count, boxes=6 * count, core=count)
         at = tables.value
         place = load_library().rr1_place_obstacles
-        return tables, place(self.struct, places, count, at.kinds, at.shapes, at.boxes, at.core)
+        return tables, place(self.struct, rows, count, at.kinds, at.shapes, at.boxes, at.core)
 
 
-def boxes_of(things: ObstacleGeometry) -> Array:
+def boxes_of(objects: ObstacleGeometry) -> Array:
     """Low and high corner of the box around each solid of some objects [m], infinite for a half-space, shape (n, 6)."""
-    fixed = FixedSolids(things)
+    fixed = FixedSolids(objects)
     boxes = fixed.place_obstacles(np.arange(fixed.count), fixed.count)[0].part("boxes")
     return np.ascontiguousarray(boxes.reshape(6, -1).T)
 
 
-def balls_of(things: ObstacleGeometry) -> Array:
+def balls_of(objects: ObstacleGeometry) -> Array:
     """A ball around each solid of some objects: center and radius [m], shape (n, 4)."""
-    fixed = FixedSolids(things)
+    fixed = FixedSolids(objects)
     count = fixed.count
     values, poses, centers = np.empty((count, 27)), np.empty((count, 12)), np.empty((count, 3))
     fixed.place_bodies(values, poses, centers)
