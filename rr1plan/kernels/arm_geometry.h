@@ -6,6 +6,8 @@
 
 #include <stdint.h>
 
+#include "vectors.h"
+
 // A driven joint; row 0 is the world. Parents come before children.
 typedef struct {
     int64_t parent;
@@ -77,10 +79,6 @@ typedef struct {
     double axes[9];    // rotation from the axes of `lowest`, row by row
 } CoreShape;
 
-typedef struct {
-    double x, y, z;
-} Point;
-
 // A ball around `BLOCK_POINTS` consecutive points of a core.
 typedef struct {
     double center[3];
@@ -107,7 +105,7 @@ typedef struct {
     // Cores of the bodies, then those of obstacles without a closed form.
     const CoreRange *cores;
     const CoreShape *core_shapes;
-    const Point *points;
+    const Vec3 *points;
     const PointBlock *blocks;
     // Points that can be the lowest along the directions of a cell: see support_table.h.
     const uint64_t *lowest;

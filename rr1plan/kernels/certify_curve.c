@@ -132,7 +132,7 @@ static EdgeResult halve(const Curve *curve, double tolerance, int64_t most, Queu
     for (int64_t b = 0; b < exact->body_count; b++) scratch->placed_at[b] = -1;
     // A pair keeps its direction from one interval to the next, but not from call to call, so that equal edges give
     // equal results.
-    for (int64_t p = 0; p < exact->pair_count; p++) scratch->directions[p] = (ExactPoint){0.0, 0.0, 0.0};
+    for (int64_t p = 0; p < exact->pair_count; p++) scratch->directions[p] = (Vec3){0.0, 0.0, 0.0};
     while (queue->tail > queue->head) {
         int back = queue->tail - queue->head > queue->size / 2;
         int64_t run = run_length(queue, back), first = back ? queue->tail - run : queue->head;

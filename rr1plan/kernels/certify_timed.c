@@ -121,7 +121,7 @@ static SliceBox box_on(const TimedArm *arm, double middle, double half, const Ti
 }
 
 // Distance of a point to a box [m].
-INLINE double slice_distance(const ExactPoint *point, const SliceBox *box) {
+INLINE double slice_distance(const Vec3 *point, const SliceBox *box) {
     const double at[3] = {point->x, point->y, point->z};
     double square = 0.0;
     for (int k = 0; k < 3; k++) {
@@ -179,7 +179,7 @@ static int test_groups(int64_t p, const SliceBox *slice, TimedInterval *at, cons
     if (quick_gap(exact->pairs[p].body, exact->pairs[p].other, enough, exact, fine) >= enough) return 1;
     if (moved < BODIES_BELOW) {
         for (int64_t k = pair->first_child; k < pair->last_child; k++) {
-            fine->directions[k] = (ExactPoint){0.0, 0.0, 0.0};
+            fine->directions[k] = (Vec3){0.0, 0.0, 0.0};
             if (!test_bodies(k, at, scene, scratch)) return 0;
         }
         return 1;

@@ -2,26 +2,21 @@
 #include "arc_tangent.h"
 #include "chain.h"
 #include "sine.h"
-
-// World pose of a joint or a frame.
-typedef struct {
-    double rotation[9];  // row by row
-    double origin[3];
-} ChainPose;
+#include "vectors.h"
 
 // Cosine below which the axis of a rotation is computed from the symmetric part of its matrix.
 #define NEAR_HALF_TURN -0.9
 
 // World poses of all joints at q, and of the frame as the last one.
-static void place_chain(const Chain *chain, const double *q, ChainPose *poses) {
+static void place_chain(const Chain *chain, const double *q, Pose *poses) {
     for (int64_t i = 0; i <= chain->joint_count; i++) {
         const ChainLink *link = &chain->links[i];
-        ChainPose *pose = &poses[i];
+        Pose *pose = &poses[i];
         if (i == 0) {
             for (int k = 0; k < 9; k++) pose->rotation[k] = link->rotation[k];
             for (int k = 0; k < 3; k++) pose->origin[k] = link->origin[k];
         } else {
-            const ChainPose *parent = &poses[i - 1];
+            const Pose *parent = &poses[i - 1];
             for (int r = 0; r < 3; r++) {
                 const double *row = &parent->rotation[3 * r], *m = link->rotation, *p = link->origin;
                 for (int k = 0; k < 3; k++)
@@ -45,7 +40,7 @@ static void place_chain(const Chain *chain, const double *q, ChainPose *poses) {
 }
 
 // The rotation vector from the rotation of a target to that of a pose, in world axes [rad].
-static void rotation_error(const ChainPose *pose, const IkTarget *target, double error[3]) {
+static void rotation_error(const Pose *pose, const IkTarget *target, double error[3]) {
     double m[3][3];  // R_pose R_target^T
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++) {
@@ -79,9 +74,9 @@ static void rotation_error(const ChainPose *pose, const IkTarget *target, double
 // Error of the frame at q: position [m], then rotation times the weight of the target. Returns its squared norm.
 //
 // Writes the poses of the chain to `poses`.
-static double ik_error(const Chain *chain, const IkTarget *target, const double *q, ChainPose *poses, double error[6]) {
+static double ik_error(const Chain *chain, const IkTarget *target, const double *q, Pose *poses, double error[6]) {
     place_chain(chain, q, poses);
-    const ChainPose *pose = &poses[chain->joint_count];
+    const Pose *pose = &poses[chain->joint_count];
     double square = 0.0;
     for (int r = 0; r < 3; r++) {
         double p = pose->origin[r];
@@ -101,7 +96,7 @@ static double ik_error(const Chain *chain, const IkTarget *target, const double 
 
 // Jacobian of the error by column of q, shape (nq, 6), at the configuration of `poses`. Returns the number of entries
 // of the error in use.
-static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPose *poses, const double error[6],
+static int ik_jacobian(const Chain *chain, const IkTarget *target, const Pose *poses, const double error[6],
                        int64_t nq, double (*jacobian)[6]) {
     double weight = target->weight;
     int rows = weight > 0.0 ? 6 : 3;
@@ -109,7 +104,7 @@ static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPo
         for (int r = 0; r < 6; r++) jacobian[j][r] = 0.0;
     const double *end = poses[chain->joint_count].origin;
     for (int64_t i = 0; i < chain->joint_count; i++) {
-        const ChainPose *pose = &poses[i];
+        const Pose *pose = &poses[i];
         double *column = jacobian[chain->joints[i].column], gain = chain->links[i].gain;
         double x = gain * pose->rotation[2], y = gain * pose->rotation[5], z = gain * pose->rotation[8];
         if (chain->joints[i].prismatic) {
@@ -137,16 +132,16 @@ static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPo
 
 // World pose of the frame at q: rotation row by row, then origin [m].
 EXPORT void rr1_chain_pose(const Chain *chain, const double *q, double pose[12]) {
-    ChainPose poses[chain->joint_count + 1];
+    Pose poses[chain->joint_count + 1];
     place_chain(chain, q, poses);
-    const ChainPose *frame = &poses[chain->joint_count];
+    const Pose *frame = &poses[chain->joint_count];
     for (int k = 0; k < 9; k++) pose[k] = frame->rotation[k];
     for (int k = 0; k < 3; k++) pose[9 + k] = frame->origin[k];
 }
 
 // Distance [m] and angle [rad] of the frame from its target at q.
 EXPORT void rr1_chain_errors(const Chain *chain, const IkTarget *target, const double *q, double errors[2]) {
-    ChainPose poses[chain->joint_count + 1];
+    Pose poses[chain->joint_count + 1];
     double e[6];
     ik_error(chain, target, q, poses, e);
     errors[0] = sqrt_number(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);

@@ -9,7 +9,7 @@ EXPORT double rr1_least_clearance(const ExactTables *exact, ExactScratch *scratc
     for (int64_t p = 0; p < exact->pair_count; p++) {
         const ExactPair *pair = &exact->pairs[p];
         double enough = exact->padding[p] + most;
-        scratch->directions[p] = (ExactPoint){0.0, 0.0, 0.0};
+        scratch->directions[p] = (Vec3){0.0, 0.0, 0.0};
         if (quick_gap(pair->body, pair->other, enough, exact, scratch) >= enough) continue;
         GapBounds gap = fine_gap(pair->body, pair->other, enough, enough, &scratch->directions[p], exact, scratch);
         most = min_number(most, gap.lower - exact->padding[p]);
@@ -29,7 +29,7 @@ EXPORT int64_t rr1_find_contacts(const ExactTables *exact, ExactScratch *scratch
         const ExactPair *pair = &exact->pairs[p];
         double padding = exact->padding[p], enough = padding + ROUNDING;
         if (quick_gap(pair->body, pair->other, enough, exact, scratch) >= enough) continue;
-        scratch->directions[p] = (ExactPoint){0.0, 0.0, 0.0};
+        scratch->directions[p] = (Vec3){0.0, 0.0, 0.0};
         GapBounds gap = fine_gap(pair->body, pair->other, padding, enough, &scratch->directions[p], exact, scratch);
         if (!(gap.lower >= enough)) found[count++] = p;
     }

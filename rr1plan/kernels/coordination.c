@@ -34,7 +34,7 @@ EXPORT void rr1_place_path(const PlacedPath *path, ExactScratch *scratch, const 
             const BodyGroup *group = &path->groups[g];
             const Pose *joint = &scratch->joint_poses[group->joint];
             const double *R = joint->rotation, *c = path->group_balls[g].center;
-            ExactPoint *center = &path->group_centers[node * groups + g];
+            Vec3 *center = &path->group_centers[node * groups + g];
             center->x = R[0] * c[0] + R[1] * c[1] + R[2] * c[2] + joint->origin[0];
             center->y = R[3] * c[0] + R[4] * c[1] + R[5] * c[2] + joint->origin[1];
             center->z = R[6] * c[0] + R[7] * c[1] + R[8] * c[2] + joint->origin[2];
@@ -53,7 +53,7 @@ typedef struct {
     const PlacedPath *one;
     const PlacedPath *two;
     const CrossPairs *pairs;
-    ExactPoint *directions;  // for each two bodies, where their last search ended
+    Vec3 *directions;  // for each two bodies, where their last search ended
     uint8_t *blocked;
     int64_t last[2];  // bodies that blocked the last cell: they are likely to block the next one
     const volatile int64_t *stop;  // not 0: stop immediately; any thread may set it
@@ -183,12 +183,12 @@ static void coordinate(int64_t a, int64_t b, int64_t *open, int64_t count, Coord
 // rows before a row and all columns before a column, shape (cells of one + 1, cells of two + 1); other cells are not
 // blocked, which proves nothing. NULL: all cells are needed.
 EXPORT void rr1_coordinate_paths(const PlacedPath *one, const PlacedPath *two, const CrossPairs *pairs,
-                                 ExactPoint *directions, int64_t *open, const int64_t *stop, const int64_t *wanted,
+                                 Vec3 *directions, int64_t *open, const int64_t *stop, const int64_t *wanted,
                                  uint8_t *blocked) {
     Coordination of = {one,  two,    pairs, directions, blocked, {0, 0},
                        stop, wanted, {last_leaf(one), last_leaf(two)}};
     for (int64_t k = 0; k < one->exact->body_count * two->exact->body_count; k++)
-        directions[k] = (ExactPoint){0.0, 0.0, 0.0};
+        directions[k] = (Vec3){0.0, 0.0, 0.0};
     for (int64_t k = 0; k < pairs->group_pair_count; k++) open[k] = k;
     int64_t from[3] = {1, 2 * one->leaf_count, 2 * one->leaf_count + 1};
     int64_t to[3] = {1, 2 * two->leaf_count, 2 * two->leaf_count + 1};

@@ -30,9 +30,9 @@ typedef struct {
     const int64_t *cell;       // for leaves and ends: row of the coordination diagram, shape (leaf_count + 2,)
     int64_t cell_count;
     Pose *poses;               // shape (nodes, bodies)
-    ExactPoint *centers;       // of balls around bodies, shape (nodes, bodies)
+    Vec3 *centers;       // of balls around bodies, shape (nodes, bodies)
     double *travel;            // largest displacement of any point of a body from there [m], shape (nodes, bodies)
-    ExactPoint *group_centers; // shape (nodes, groups)
+    Vec3 *group_centers; // shape (nodes, groups)
     double *group_travel;      // [m], shape (nodes, groups)
 } PlacedPath;
 

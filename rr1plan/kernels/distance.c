@@ -6,7 +6,7 @@ typedef struct {
     const ExactTables *exact;
     int64_t body;
     const Pose *pose;
-    const ExactPoint *center;
+    const Vec3 *center;
 } PlacedBody;
 
 INLINE PlacedBody placed_body(int64_t body, const ExactTables *exact, const ExactScratch *scratch) {
@@ -24,13 +24,13 @@ INLINE Core core_of(PlacedBody placed) {
 }
 
 // Distance of two points [m].
-INLINE double point_distance(const ExactPoint *a, const ExactPoint *b) {
-    double x = a->x - b->x, y = a->y - b->y, z = a->z - b->z;
-    return sqrt_number(x * x + y * y + z * z);
+INLINE double point_distance(const Vec3 *a, const Vec3 *b) {
+    Vec3 d = vec_sub(*a, *b);
+    return sqrt_number(vec_dot(d, d));
 }
 
 // Distance of a point to the box around a body [m].
-static double distance_to_box(const ExactPoint *point, PlacedBody placed) {
+static double distance_to_box(const Vec3 *point, PlacedBody placed) {
     const ExactShape *shape = shape_of(placed);
     const double *R = placed.pose->rotation, *o = placed.pose->origin;
     double dx = point->x - o[0], dy = point->y - o[1], dz = point->z - o[2], square = 0.0;
@@ -58,9 +58,9 @@ static double quick_gap(int64_t a, int64_t b, double enough, const ExactTables *
 }
 
 // Bounds of the distance of two convex bodies [m]; see `fine_gap`.
-static GapBounds convex_gap(PlacedBody a, PlacedBody b, double least, double enough, ExactPoint *direction) {
+static GapBounds convex_gap(PlacedBody a, PlacedBody b, double least, double enough, Vec3 *direction) {
     if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) {
-        *direction = (ExactPoint){a.center->x - b.center->x, a.center->y - b.center->y, a.center->z - b.center->z};
+        *direction = vec_sub(*a.center, *b.center);
         if (direction->x == 0.0 && direction->y == 0.0 && direction->z == 0.0) direction->z = 1.0;
     }
     double radius = shape_of(a)->radius + shape_of(b)->radius;
@@ -72,22 +72,22 @@ static GapBounds convex_gap(PlacedBody a, PlacedBody b, double least, double eno
 // Exact distance of a body's core to the plane of half-space b [m].
 static double half_space_gap(int64_t a, int64_t b, const ExactTables *exact, const ExactScratch *scratch) {
     const double *R = scratch->poses[b].rotation, *o = scratch->poses[b].origin, *normal = exact->shapes[b].size;
-    Vec n = {
+    Vec3 n = {
         R[0] * normal[0] + R[1] * normal[1] + R[2] * normal[2],
         R[3] * normal[0] + R[4] * normal[1] + R[5] * normal[2],
         R[6] * normal[0] + R[7] * normal[1] + R[8] * normal[2],
     };
     Core core = core_of(placed_body(a, exact, scratch));
-    Vec p = farthest_point(&core, (Vec){-n.x, -n.y, -n.z});
+    Vec3 p = farthest_point(&core, (Vec3){-n.x, -n.y, -n.z});
     return n.x * (p.x - o[0]) + n.y * (p.y - o[1]) + n.z * (p.z - o[2]) - exact->shapes[b].offset;
 }
 
 // Bounds of the distance of a body to the occupied cells of cloud b [m].
-static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
+static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Vec3 *direction,
                            const ExactTables *exact, const ExactScratch *scratch) {
     const Pose *pose = &scratch->poses[b];
     const double *R = pose->rotation, *o = pose->origin;
-    const ExactPoint *center = &scratch->centers[a];
+    const Vec3 *center = &scratch->centers[a];
     double half = exact->shapes[b].size[0], radius = exact->shapes[a].radius;
     double dx = center->x - o[0], dy = center->y - o[1], dz = center->z - o[2];
     double lx = R[0] * dx + R[3] * dy + R[6] * dz;
@@ -97,7 +97,7 @@ static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Ex
     Pose cell = *pose;
     GapBounds gap = {__builtin_inf(), __builtin_inf()};
     for (int64_t i = exact->bodies[b].first_corner; i < exact->bodies[b].last_corner; i++) {
-        const ExactPoint *middle = &exact->corners[i];
+        const Vec3 *middle = &exact->corners[i];
         double ox = max_number(0.0, abs_number(lx - middle->x) - half);
         double oy = max_number(0.0, abs_number(ly - middle->y) - half);
         double oz = max_number(0.0, abs_number(lz - middle->z) - half);
@@ -106,7 +106,7 @@ static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Ex
         for (int r = 0; r < 3; r++)
             cell.origin[r] = o[r] + R[3 * r] * middle->x + R[3 * r + 1] * middle->y + R[3 * r + 2] * middle->z;
         *direction =
-            (ExactPoint){center->x - cell.origin[0], center->y - cell.origin[1], center->z - cell.origin[2]};
+            (Vec3){center->x - cell.origin[0], center->y - cell.origin[1], center->z - cell.origin[2]};
         Core core = core_of(placed_body(a, exact, scratch));
         Core box = {BODY_BOX, exact->shapes[b].size, &cell, exact->corners, exact->links, 0};
         GapBounds found = core_gap(&core, &box, least + radius, enough + radius, direction);
@@ -125,7 +125,7 @@ static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough
                                const ExactScratch *scratch) {
     const ExactShape *shape = &exact->shapes[a];
     const double *A = scratch->poses[a].rotation, *o = scratch->poses[a].origin, *middle = shape->box_center;
-    const ExactPoint *ball = &scratch->centers[a];
+    const Vec3 *ball = &scratch->centers[a];
     Pose frame = scratch->poses[b];
     const double *R = frame.rotation, *shift = exact->shapes[b].box_center;
     BodyBounds bounds = {.radius = shape->ball_radius};
@@ -150,7 +150,7 @@ static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough
     int64_t mesh = exact->bodies[b].first_corner;
     GapBounds gap = surface_gap(&core, shape->radius, &bounds, mesh, &frame, least, enough, exact->meshes);
     if (!(gap.lower > 0.0)) return gap;
-    Vec p = farthest_point(&core, (Vec){0.0, 0.0, 1.0});
+    Vec3 p = farthest_point(&core, (Vec3){0.0, 0.0, 1.0});
     dx = p.x - frame.origin[0];
     dy = p.y - frame.origin[1];
     dz = p.z - frame.origin[2];
@@ -163,7 +163,7 @@ static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough
 //
 // The search may stop if the distance is proven to be at most `least`, if that is below `enough`, or at least `enough`.
 // `direction`: the first one to try, zero if none is known; on return the last one.
-static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
+static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, Vec3 *direction,
                           const ExactTables *exact, const ExactScratch *scratch) {
     if (exact->bodies[b].kind == BODY_HALF_SPACE) {
         double gap = half_space_gap(a, b, exact, scratch) - exact->shapes[a].radius;

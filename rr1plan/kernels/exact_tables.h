@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include "mesh_tables.h"
+#include "vectors.h"
 
 // Row 0 is the world.
 typedef struct {
@@ -55,21 +56,12 @@ typedef struct {
     double offset;   // of a half-space
 } ExactShape;
 
-typedef struct {
-    double rotation[9];  // row by row
-    double origin[3];
-} Pose;
-
 // The half-space, cloud or mesh, if there is one, comes second.
 typedef struct {
     int64_t body;
     int64_t other;
     int64_t shared;  // number of joints that move both
 } ExactPair;
-
-typedef struct {
-    double x, y, z;
-} ExactPoint;
 
 // A pair that is open on an interval of a curve.
 typedef struct {
@@ -87,7 +79,7 @@ typedef struct {
     const ExactPlacement *placements;
     const ExactBody *bodies;
     const ExactShape *shapes;
-    const ExactPoint *corners;  // of bodies of kind CORNERS, centers of the cells of CELLS [m]
+    const Vec3 *corners;  // of bodies of kind CORNERS, centers of the cells of CELLS [m]
     const int64_t *links;       // neighbors of corner i are links[links[i]] to links[links[i + 1] - 1]
     const int64_t *chain;       // driven joints above each body, root first
     const double *chain_reach;  // for each, bound of the distance of the body's ball center from its axis [m]
@@ -99,8 +91,8 @@ typedef struct {
 typedef struct {
     Pose *joint_poses;       // in the world; those of joints that are not driven are constant
     Pose *poses;             // of bodies
-    ExactPoint *centers;     // of the balls around bodies
-    ExactPoint *directions;  // for each pair, where its last search ended
+    Vec3 *centers;     // of the balls around bodies
+    Vec3 *directions;  // for each pair, where its last search ended
     // Entry (b, k): bound of the displacement of body b's points by the k-th and later joints of its chain [m].
     double *travel;
     int64_t travel_stride;

@@ -47,7 +47,7 @@ typedef struct {
     const SolidShape *shapes;
     const Transform *frames;  // of solids in the frames of their objects
     Transform *objects;       // in the world
-    const Point *points;      // of cores, in the frames of their solids
+    const Vec3 *points;      // of cores, in the frames of their solids
     const PointBlock *blocks;
 } FixedSolids;
 

@@ -71,7 +71,7 @@ static void bound_travel(int64_t body, const double *reach, const ExactTables *e
     int64_t first = exact->bodies[body].first_link, last = exact->bodies[body].last_link;
     double radius = exact->shapes[body].ball_radius;
     double *travel = scratch->travel + body * scratch->travel_stride;
-    const ExactPoint *center = &scratch->centers[body];
+    const Vec3 *center = &scratch->centers[body];
     // `moved` bounds the travel of the ball's center, `surface` that of any point of the body.
     double moved = 0.0, surface = 0.0;
     travel[last - first] = 0.0;

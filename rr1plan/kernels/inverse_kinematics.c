@@ -126,7 +126,7 @@ static double damped_step(const double *q, const double *lower, const double *up
 // see `descent_memory`.
 static double descend(const Chain *chain, const IkTarget *target, double *q, int64_t nq, const double *lower,
                       const double *upper, int64_t steps, double min_reduction, double *memory) {
-    ChainPose poses[chain->joint_count + 1];
+    Pose poses[chain->joint_count + 1];
     double error[6];
     NormalEquations equations = equations_in(memory, nq);
     const double *normal = equations.normal, *trial = equations.trial;

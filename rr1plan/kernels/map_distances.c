@@ -63,7 +63,7 @@ EXPORT void rr1_map_distances(const double *ranges, double most, int64_t rows, i
     MapSquare stack[4 * 64];
     int64_t count = 1;
     stack[0] = (MapSquare){0, 0, rows * MAP_PARTS, -INFINITY};
-    scratch->directions[0] = (ExactPoint){0.0, 0.0, 0.0};
+    scratch->directions[0] = (Vec3){0.0, 0.0, 0.0};
     for (int64_t i = 0; i < rows * width; i++) distances[i] = (float)most;
     while (count > 0) {
         MapSquare square = stack[--count];

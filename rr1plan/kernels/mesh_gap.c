@@ -74,10 +74,10 @@ static GapBounds surface_gap(Core *core, double radius, const BodyBounds *body, 
             continue;
         }
         const double *t = meshes->triangles[-1 - entry.item].corners;
-        Core triangle = {BODY_TRIANGLE, 0, frame, (const ExactPoint *)t, 0, 0};
+        Core triangle = {BODY_TRIANGLE, 0, frame, (const Vec3 *)t, 0, 0};
         double x = c[0] - (t[0] + t[3] + t[6]) / 3.0, y = c[1] - (t[1] + t[4] + t[7]) / 3.0;
         double z = c[2] - (t[2] + t[5] + t[8]) / 3.0;
-        ExactPoint direction = {
+        Vec3 direction = {
             R[0] * x + R[1] * y + R[2] * z,
             R[3] * x + R[4] * y + R[5] * z,
             R[6] * x + R[7] * y + R[8] * z,
@@ -182,12 +182,12 @@ static int mesh_holds(const double p[3], int64_t mesh, const MeshTables *meshes)
 }
 
 // The vector from a point to the nearest point of the surface of a mesh, in the frame of its box.
-static Vec to_surface(const double p[3], int64_t mesh, const MeshTables *meshes) {
+static Vec3 to_surface(const double p[3], int64_t mesh, const MeshTables *meshes) {
     BodyBounds point = {
         .rotation = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}, .center = {p[0], p[1], p[2]}, .ball = {p[0], p[1], p[2]}};
     MeshEntry stack[MESH_STACK] = {{0.0, meshes->ranges[mesh].root}};
     double least = 0.5 * MESH_NOWHERE;
-    Vec nearest = {0.0, 0.0, 0.0};
+    Vec3 nearest = {0.0, 0.0, 0.0};
     for (int64_t count = 1; count > 0;) {
         MeshEntry entry = stack[--count];
         if (entry.gap >= least) continue;
@@ -196,9 +196,9 @@ static Vec to_surface(const double p[3], int64_t mesh, const MeshTables *meshes)
             continue;
         }
         const double *t = meshes->triangles[-1 - entry.item].corners;
-        Vec corners[3];
-        for (int k = 0; k < 3; k++) corners[k] = (Vec){t[3 * k] - p[0], t[3 * k + 1] - p[1], t[3 * k + 2] - p[2]};
-        Vec found = nearest_on_triangle(corners, 0, 1, 2).point;
+        Vec3 corners[3];
+        for (int k = 0; k < 3; k++) corners[k] = (Vec3){t[3 * k] - p[0], t[3 * k + 1] - p[1], t[3 * k + 2] - p[2]};
+        Vec3 found = nearest_on_triangle(corners, 0, 1, 2).point;
         double distance = sqrt_number(vec_dot(found, found));
         if (distance < least) {
             least = distance;
@@ -213,7 +213,7 @@ static Vec to_surface(const double p[3], int64_t mesh, const MeshTables *meshes)
 EXPORT void rr1_mesh_depths(const MeshTables *meshes, const double *points, int64_t count, double *depths,
                             double *vectors) {
     for (int64_t i = 0; i < count; i++) {
-        Vec v = to_surface(points + 3 * i, 0, meshes);
+        Vec3 v = to_surface(points + 3 * i, 0, meshes);
         double distance = sqrt_number(vec_dot(v, v));
         vectors[3 * i] = v.x;
         vectors[3 * i + 1] = v.y;

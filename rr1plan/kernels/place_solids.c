@@ -104,7 +104,7 @@ static Pose pose_of(const FixedSolids *fixed, int64_t i) {
     return at;
 }
 
-static void set_body(const SolidShape *shape, const Pose *at, ExactShape *row, Pose *pose, ExactPoint *center) {
+static void set_body(const SolidShape *shape, const Pose *at, ExactShape *row, Pose *pose, Vec3 *center) {
     for (int k = 0; k < 9; k++) row->rotation[k] = at->rotation[k];
     for (int k = 0; k < 3; k++) row->origin[k] = at->origin[k];
     placed_point(at, shape->ball_center, row->ball_center);
@@ -117,7 +117,7 @@ static void set_body(const SolidShape *shape, const Pose *at, ExactShape *row, P
     }
     row->offset = shape->offset;
     *pose = *at;
-    *center = (ExactPoint){row->ball_center[0], row->ball_center[1], row->ball_center[2]};
+    *center = (Vec3){row->ball_center[0], row->ball_center[1], row->ball_center[2]};
 }
 
 // Low x, y, z, high x, y, z of the box around a solid, `stride` numbers apart.
@@ -161,7 +161,7 @@ static void set_shape(
 }
 
 static void set_core(
-    const FixedSolids *fixed, int64_t i, const Pose *at, const CoreRange *core, CoreShape *shape, Point *points,
+    const FixedSolids *fixed, int64_t i, const Pose *at, const CoreRange *core, CoreShape *shape, Vec3 *points,
     PointBlock *blocks
 ) {
     const FixedSolid *solid = &fixed->solids[i];
@@ -183,7 +183,7 @@ static void set_core(
 }
 
 // The exact kernel's rows of all solids that have one: `placed` and `centers` belong to its scratch memory.
-EXPORT void rr1_place_bodies(const FixedSolids *fixed, ExactShape *shapes, Pose *placed, ExactPoint *centers) {
+EXPORT void rr1_place_bodies(const FixedSolids *fixed, ExactShape *shapes, Pose *placed, Vec3 *centers) {
     for (int64_t i = 0; i < fixed->count; i++) {
         int64_t b = fixed->solids[i].body;
         Pose at = pose_of(fixed, i);
@@ -193,7 +193,7 @@ EXPORT void rr1_place_bodies(const FixedSolids *fixed, ExactShape *shapes, Pose 
 
 // The cores of all solids that have one.
 EXPORT void rr1_place_cores(
-    const FixedSolids *fixed, const CoreRange *cores, CoreShape *shapes, Point *points, PointBlock *blocks
+    const FixedSolids *fixed, const CoreRange *cores, CoreShape *shapes, Vec3 *points, PointBlock *blocks
 ) {
     for (int64_t i = 0; i < fixed->count; i++) {
         int64_t core = fixed->solids[i].core;
@@ -270,7 +270,7 @@ EXPORT void rr1_move_objects(SceneTables *scene, Scratch *scratch, int64_t first
         if (solid->core >= 0) {
             CoreShape *shape = (CoreShape *)&arm->core_shapes[solid->core];
             set_core(
-                fixed, i, &at, &arm->cores[solid->core], shape, (Point *)arm->points, (PointBlock *)arm->blocks
+                fixed, i, &at, &arm->cores[solid->core], shape, (Vec3 *)arm->points, (PointBlock *)arm->blocks
             );
         }
     }

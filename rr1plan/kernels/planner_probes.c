@@ -34,7 +34,7 @@ EXPORT void rr1_draw_in_box(uint64_t *state, const double *lower, const double *
 // The error at q, shape (6,), and its Jacobian by column of q, shape (nq, 6). Returns the number of its entries in use.
 EXPORT int64_t rr1_chain_jacobian(const Chain *chain, const IkTarget *target, const double *q, int64_t nq,
                                   double error[6], double (*jacobian)[6]) {
-    ChainPose poses[chain->joint_count + 1];
+    Pose poses[chain->joint_count + 1];
     ik_error(chain, target, q, poses, error);
     return ik_jacobian(chain, target, poses, error, nq, jacobian);
 }

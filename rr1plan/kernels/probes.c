@@ -103,7 +103,7 @@ EXPORT void rr1_place_interval(const double *coefficients, int64_t terms, int64_
 
 // Bounds of the distance of two placed bodies [m], lower and upper; see `fine_gap`.
 EXPORT void rr1_gap_bounds(const ExactTables *exact, const ExactScratch *scratch, int64_t a, int64_t b, double least,
-                           double enough, ExactPoint *direction, double bounds[2]) {
+                           double enough, Vec3 *direction, double bounds[2]) {
     GapBounds gap = fine_gap(a, b, least, enough, direction, exact, scratch);
     bounds[0] = gap.lower;
     bounds[1] = gap.upper;

@@ -55,10 +55,10 @@ static int stays_in_contact(const ExactPair *pair, double padding, double moved,
         Core one = cores[side], two = cores[1 - side];
         if (!erode(one.kind, one.size, depth, size)) continue;
         one.size = size;
-        const ExactPoint *p = &raster->scratch->centers[pair->body], *o = &raster->scratch->centers[pair->other];
+        const Vec3 *p = &raster->scratch->centers[pair->body], *o = &raster->scratch->centers[pair->other];
         // Any nonzero initial direction is valid; the centers may coincide.
-        ExactPoint direction = {p->x - o->x, p->y - o->y, p->z - o->z + 1e-9};
-        if (side == 0) direction = (ExactPoint){-direction.x, -direction.y, -direction.z};
+        Vec3 direction = {p->x - o->x, p->y - o->y, p->z - o->z + 1e-9};
+        if (side == 0) direction = (Vec3){-direction.x, -direction.y, -direction.z};
         return core_gap(&two, &one, 0.0, RASTER_ROUNDING, &direction).upper <= 0.0;
     }
     return 0;
@@ -135,7 +135,7 @@ EXPORT void rr1_raster_pairs(const ExactTables *exact, ExactScratch *scratch, co
     }
     int64_t *all = tables->open;
     for (int64_t p = first_pair; p < last_pair; p++) {
-        tables->directions[p] = (ExactPoint){0.0, 0.0, 0.0};
+        tables->directions[p] = (Vec3){0.0, 0.0, 0.0};
         all[p - first_pair] = p;
     }
     if (first_row < last_row && first_pair < last_pair) fill_block(&block, 1, all, last_pair - first_pair, &raster);

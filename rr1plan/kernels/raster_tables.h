@@ -16,7 +16,7 @@ typedef struct {
     int64_t pair_count;
     const ExactPair *pairs;
     const double *padding;
-    ExactPoint *directions;  // for each pair, where its last search ended
+    Vec3 *directions;  // for each pair, where its last search ended
     int64_t *open;           // pairs that are undecided in a block, shape (RASTER_LEVELS, pair_count)
 } RasterTables;
 

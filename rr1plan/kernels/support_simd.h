@@ -37,8 +37,8 @@ INLINE f64x8 along_origin(const FrameLanes *frame, Vec8 n) {
 // For directions with a smaller component across the axis of a cylinder, the lowest point found is inside the rim.
 #define LEAST_ACROSS 1e-6
 
-INLINE Support8 lowest_of_cylinder(const Point *points, Vec8 n) {
-    const Point *center = points, *axis = points + 1;
+INLINE Support8 lowest_of_cylinder(const Vec3 *points, Vec8 n) {
+    const Vec3 *center = points, *axis = points + 1;
     double half_length = points[2].x, radius = points[2].y;
     f64x8 along = n.x * axis->x + n.y * axis->y + n.z * axis->z;
     Vec8 across = {n.x - along * axis->x, n.y - along * axis->y, n.z - along * axis->z};
@@ -56,8 +56,8 @@ INLINE Support8 lowest_of_cylinder(const Point *points, Vec8 n) {
 }
 
 // Continue the search for the lowest point with further points.
-INLINE Support8 lowest_among(const Point *from, const Point *to, Vec8 n, Support8 best) {
-    for (const Point *p = from; p < to; p++) {
+INLINE Support8 lowest_among(const Vec3 *from, const Vec3 *to, Vec8 n, Support8 best) {
+    for (const Vec3 *p = from; p < to; p++) {
         f64x8 value = n.x * p->x + n.y * p->y + n.z * p->z;
         i64x8 lower = value < best.along;
         best.point.x = select_mask(lower, splat(p->x), best.point.x);
@@ -71,12 +71,12 @@ INLINE Support8 lowest_among(const Point *from, const Point *to, Vec8 n, Support
 // The least n.p over a core, n a direction in its frame, and the point p; in lanes not given, n.p of some point.
 INLINE Support8 lowest_of(const ArmGeometry *arm, int64_t core, Vec8 n, uint64_t lanes) {
     const CoreRange *range = &arm->cores[core];
-    const Point *points = arm->points + range->first_point, *end = arm->points + range->last_point;
+    const Vec3 *points = arm->points + range->first_point, *end = arm->points + range->last_point;
     if (range->kind == CORE_CYLINDER) return lowest_of_cylinder(points, n);
     Support8 best = {splat(1e300), {splat(0.0), splat(0.0), splat(0.0)}};
     if (range->per_bit == 0) return lowest_among(points, end, n, best);
     for (uint64_t left = lowest_candidates(arm, core, n, lanes); left; left &= left - 1) {
-        const Point *from = points + first_bit(left) * range->per_bit, *to = from + range->per_bit;
+        const Vec3 *from = points + first_bit(left) * range->per_bit, *to = from + range->per_bit;
         best = lowest_among(from, to < end ? to : end, n, best);
     }
     return best;

@@ -21,7 +21,7 @@ class SliceRaster {
     this.configuration = core.array("double", planner.columns.length);
     this.tables = core.struct("RasterTables", {
       first: this.axes[0], second: this.axes[1], configuration: this.configuration, pair_count: order.length, pairs, padding,
-      directions: core.array("ExactPoint", order.length),
+      directions: core.array("Vec3", order.length),
       open: core.array("int64_t", core.constants.RASTER_LEVELS * order.length),
     });
     this.tables.counts.set([BigInt(cells), BigInt(cells)]);
