@@ -90,10 +90,11 @@ def torque_stretch(
     static = inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
     moving = inverse_dynamics(q, qd, qdd) - static
     limited = np.isfinite(effort)
-    reserve = (effort - _bulge(static, piece))[:, limited]
+    between = _bulge(static, piece)
+    reserve = (effort - between)[:, limited]
     up, down = reserve - static[:, limited], reserve + static[:, limited]
     if (up <= 0.0).any() or (down <= 0.0).any():
-        raise _too_heavy(static, joint_names, effort)
+        raise _too_heavy(np.abs(static) + between, joint_names, effort)
     swing, bulge = moving[:, limited], _bulge(moving, piece)[:, limited]
     return float(np.sqrt(np.maximum((bulge + swing) / up, (bulge - swing) / down).max(initial=0.0)))
 

@@ -8,6 +8,8 @@ import pytest
 import rr1plan as rp
 from rr1plan.model import Kinematics
 from rr1plan.retiming import retime, retiming_names
+from rr1plan.retiming.timed_pieces import Pieces
+from rr1plan.retiming.torque_limits import torque_stretch
 
 
 class Anywhere:
@@ -133,3 +135,10 @@ def test_held_objects_weigh(rr1):
         retime(path, heavy, checker=Anywhere(), torque_limits=True)
     report = rp.validate(trajectory, unknown, torque_limits=True)
     assert report.not_checked["mass of load"] == "not given, treated as weightless"
+
+
+def test_gravity_that_may_exceed_its_limit_between_samples_is_named_with_that_torque():
+    line = Pieces(np.ones(1), np.array([[[0.0], [1.0]]]))
+    with pytest.raises(rp.RetimingError, match=r"'arm/j': holding the arm still .* takes 1\.485 on the path, .* is 1;"):
+        # 0.99 and -0.99 at the samples, every 0.02 rad.
+        torque_stretch(line, ("arm/j",), np.ones(1), lambda q, qd, qdd: 0.99 * np.cos(50.0 * np.pi * q))
