@@ -10,8 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rr1plan.binding.c_memory import KernelStruct
-from rr1plan.binding.memory_image import Root, memory_image
+from rr1plan.binding.memory_image import memory_image
 from rr1plan.scene import Scene
 from rr1plan.validation.compiled_search import TOUCH
 from rr1plan.validation.moving_scene import moving_scene
@@ -57,8 +56,6 @@ def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict
     )
     obstacles = tables.models[-1]
     rows, frames, poses = obstacles.placement
-    # Rows of `search.models` are copies of these structs, so the targets of their pointers have to be named.
-    models: dict[str, Root] = {f"model {i}": model.struct for i, model in enumerate(tables.models)}
     image = memory_image(
         SOURCES,
         search=search,
@@ -67,7 +64,8 @@ def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict
         obstacle_shapes=("ShapeRow", rows),
         obstacle_frames=("double", frames),
         obstacle_poses=("double", poses),
-        **{name: model for name, model in models.items() if isinstance(model, KernelStruct)},
+        # Rows of `search.models` are copies of these structs, so the targets of their pointers have to be named.
+        **{f"model {i}": model.struct for i, model in enumerate(tables.models)},
     )
     elements = [moving.element(i)[1] for i in range(moving.first_element[-1])]
     return image, {"elements": elements, "obstacles": list(tables.obstacles), "farthest": FARTHEST}
