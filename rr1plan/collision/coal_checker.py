@@ -334,12 +334,12 @@ class CoalChecker:
         Raises:
             InputError: wrong shape or not finite, or pair numbers that do not exist.
         """
-        placed = self._placed(q)
         if pairs is None:
-            return placed.distances()
+            return self._placed(q).distances()
         numbers = items_of("pairs", pairs, "numbers of pairs")
         for pair in numbers:
             whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
+        placed = self._placed(q, np.array(numbers, np.intp))
         return np.array([placed.distance(int(i))[0] for i in numbers])
 
     @exclusive
@@ -354,7 +354,7 @@ class CoalChecker:
             InputError: wrong shape or not finite, or a pair number that does not exist.
         """
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
-        return self._placed(q).distance(pair)[1:]
+        return self._placed(q, np.array([pair])).distance(pair)[1:]
 
     def checked(self, q: ArrayLike) -> Array:
         """The configuration q as an array of finite numbers, shape (nq,).
@@ -385,10 +385,10 @@ class CoalChecker:
     def _moving(self) -> CoalPairs:
         return CoalPairs(self.model, self.solids, self.solid_pairs, self.solid_padding)
 
-    def _placed(self, q: ArrayLike) -> CoalPairs:
-        """Coal's pairs that move relative to each other, placed at q."""
+    def _placed(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> CoalPairs:
+        """Coal's pairs that move relative to each other, placed at q: all of them, or at least the given ones."""
         q = self.checked(q)
-        self._moving.place(q)
+        self._moving.place(q, pairs)
         return self._moving
 
     @ExclusiveCache

@@ -90,14 +90,19 @@ class CoalPairs:
                 self._carried[number].append((k, joint, shape.placement.copy()))
         self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
         self._callback.stopAtFirstCollision = True
-        self._padding = padding
+        self._solids_of_pairs, self._padding = pairs, padding
         self._hollow = {hollow.pair: hollow for hollow in _hollow_pairs(solids, pairs)}
         for pair in self._hollow:
             # Coal's collision test of a surface misses shallow contacts; its distance does not.
             self._scratch.deactivateCollisionPair(pair)
 
-    def place(self, q: Array) -> None:
-        """Place the solids at q (nq,)."""
+    def place(self, q: Array, pairs: NDArray[np.intp] | None = None) -> None:
+        """Place the solids at q (nq,).
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            pairs: The pairs that are queried next, shape (n,); solids of other arms keep their poses (default: all).
+        """
         if self._model is None:
             return
         full, placed = self._model.full(q), self._scratch.oMg
@@ -106,7 +111,11 @@ class CoalPairs:
             data = self._branches[0].data
             pin.updateGeometryPlacements(self._pinocchio, data, self._geometry, self._scratch, full)
             return
-        for branch, carried in zip(self._branches, self._carried, strict=True):
+        needed = None if pairs is None else set(self._solids_of_pairs[pairs].ravel().tolist())
+        for branch, all_carried in zip(self._branches, self._carried, strict=True):
+            carried = all_carried if needed is None else [one for one in all_carried if one[0] in needed]
+            if not carried:
+                continue
             branch.place(full)
             poses = branch.data.oMi
             for k, joint, placement in carried:

@@ -198,6 +198,20 @@ def test_never_colliding_and_allowed_pairs_are_not_checked(odd):
     assert CollisionChecker(scene.allow("a", "wall")).is_free_slowly(q)
 
 
+def test_distances_of_some_pairs_are_those_of_all_wherever_the_arms_were_before(planar):
+    scene = Scene().with_obstacle("ball", Sphere(0.1), [0.5, 0.5, 0.0])
+    for k in range(3):
+        scene = scene.with_arm(f"arm{k}", planar, pose([0.4 * k, 0.0, 0.0]))
+    checker, rng = CollisionChecker(scene), np.random.default_rng(0)
+    for _ in range(20):
+        q = rng.uniform(-3.0, 3.0, checker.nq)
+        some = rng.choice(len(checker.solid_pairs), 3, replace=False)
+        distances = checker.solid_distances(q, some)
+        np.testing.assert_array_equal(distances, CollisionChecker(scene).solid_distances(q)[some])
+        other = rng.uniform(-3.0, 3.0, checker.nq)
+        np.testing.assert_array_equal(checker.solid_distances(other), CollisionChecker(scene).solid_distances(other))
+
+
 def test_padding_of_one_pair_leaves_the_others(odd):
     scene = Scene().with_arm("a", odd).with_obstacle("near", Sphere(0.05), [0.0, 0.2, 0.3])
     gap = CollisionChecker(scene).nearest(np.zeros(3)).distance
