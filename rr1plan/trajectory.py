@@ -232,9 +232,9 @@ class Trajectory(Value, NotebookView):
         begin, end = finite_number("begin", begin), finite_number("end", end)
         if end < begin:
             raise InputError(f"the motion is to end at {end}, before {begin}")
-        inner = self.breaks[(self.breaks > begin) & (self.breaks < end)]
-        breaks = np.array([begin, *inner, end] if end > begin else [begin])
-        return Trajectory(self.joint_names, breaks, self._on(breaks, self.coefficients.shape[1]))
+        inner = self.breaks[np.searchsorted(self.breaks, begin, "right") : np.searchsorted(self.breaks, end)]
+        breaks = np.concatenate([[begin], inner, [end]]) if end > begin else np.array([begin])
+        return Trajectory.trusted(self.joint_names, breaks, self._on(breaks, self.coefficients.shape[1]))
 
     # ---- reading -----------------------------------------------------------------------
 
@@ -356,13 +356,17 @@ class Trajectory(Value, NotebookView):
         out = np.zeros((len(starts), degree, len(self.joint_names)))
         inside = (starts >= self.breaks[0]) & (starts < self.breaks[-1])
         piece = np.clip(np.searchsorted(self.breaks, starts, side="right") - 1, 0, len(self.coefficients) - 1)
-        old = self.coefficients[piece]
+        terms = self.coefficients.shape[1]
+        out[:, :terms] += self.coefficients[piece]
+        # Most breaks are breaks of this trajectory, where its coefficients are kept.
         shift = starts - self.breaks[piece]
-        for k in range(old.shape[1]):
-            for j in range(k, old.shape[1]):
-                out[:, k] += comb(j, k) * old[:, j] * (shift ** (j - k))[:, None]
+        rows = np.flatnonzero(shift)
+        old, shift = self.coefficients[piece[rows]], shift[rows]
+        for k in range(terms):
+            for j in range(k + 1, terms):
+                out[rows, k] += comb(j, k) * old[:, j] * (shift ** (j - k))[:, None]
         out[~inside] = 0.0
-        out[~inside, 0] = self(np.where(starts < self.breaks[0], self.breaks[0], self.breaks[-1]))[~inside]
+        out[~inside, 0] = self(np.where(starts[~inside] < self.breaks[0], self.breaks[0], self.breaks[-1]))
         return out
 
 

@@ -159,6 +159,10 @@ class Agent:
         configurations = scene.split(self.start, self.arms)
         return subscene(scene, {**still, **others, **{name: configurations[name] for name in self.arms}})
 
+    def release(self) -> None:
+        """Free the collision tables of its scene; they are rebuilt on demand."""
+        self.__dict__.pop("_alone", None)
+
     @cached_property
     def _alone(self) -> Problem:
         """The query without other moving arms, cached together with the tables of its scene."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
 from dataclasses import replace
 from typing import Any
@@ -269,6 +270,32 @@ def test_of_two_goals_at_the_same_time_the_second_one_counts(planar2r: rp.Robot)
         plan = rp.add_motion(plan, "left", goal, at=there.arrival + 0.1, budget=_BUDGET, rng=0).plan
     np.testing.assert_allclose(plan.goal("left"), [0.5, 0.0])
     _assert_executable(plan)
+
+
+def test_long_runs_keep_no_collision_checkers_of_the_past() -> None:
+    robot, scene = rp.planar_arm("RR", (0.5, 0.4)), rp.Scene()
+    for k in range(4):
+        scene = scene.with_arm(f"arm{k}", robot, (3.0 * k, 0.0, 0.0))
+    plan = _at_rest(scene, {arm: [0.0, 0.5] for arm in scene.arms})
+    checkers, now = [], 0.0
+    for k in range(24):
+        goal = [1.0 - 0.5 * (k // 4 % 2), 0.5]
+        added = rp.add_motion(plan, f"arm{k % 4}", goal, at=now, freeze=0.0, budget=_BUDGET, rng=k)
+        assert added.found, added.reason
+        plan, now = added.plan, added.arrival + 0.1
+        if k % 12 == 11:
+            gc.collect()
+            checkers.append(sum(isinstance(thing, CollisionChecker) for thing in gc.get_objects()))
+    assert checkers[1] <= checkers[0]
+    _assert_executable(plan)
+
+
+def test_without_time_for_a_path_no_arm_counts_as_in_the_way(planar2r: rp.Robot) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi + 1.5, 0.0]})
+    added = rp.add_motion(plan, "left", [1.0, 0.0], at=0.0, budget=Budget(seconds=1e-6), rng=0)
+    assert not added.found
+    assert "no time was left for a path of left" in added.reason
+    assert not added.blocked_by
 
 
 def test_a_motion_begins_at_a_corner_or_at_an_arrival_up_to_rounding() -> None:

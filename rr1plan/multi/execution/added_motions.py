@@ -172,12 +172,17 @@ class _Change:
             result = self._result(changed, stage)
             if result is not None:
                 return result
-        late = "" if self._search.has_time() else f" in {self._watch.seconds:.2g} s"
-        reason = self._attempt.reason or f"no motion of {self.arm} among the others was found{late}"
-        blockers = tuple(sorted(self._attempt.blockers))
+        attempt, late = self._attempt, "" if self._search.has_time() else f" in {self._watch.seconds:.2g} s"
+        tried = f"no motion of {self.arm} among the others was found{late}"
+        reason = attempt.reason or (tried if attempt.paths or attempt.blockers else self._too_late())
+        blockers = tuple(sorted(attempt.blockers))
         if blockers:
             reason += f"; in its way: {', '.join(blockers)}"
         return AddedMotion(self.plan, reason=reason, blocked_by=blockers, seconds=self._watch.seconds)
+
+    def _too_late(self) -> str:
+        """The reason if no path of the arm was found, so that no arm is known to be in its way."""
+        return f"no time was left for a path of {self.arm}, after {self._watch.seconds:.2g} s (option budget)"
 
     def _proposals(self) -> Iterator[tuple[dict[str, NewMotion], str]]:
         """Motions of the arm and of others that yield, with their stage, each only if those before fail."""
@@ -204,7 +209,7 @@ class _Change:
             return None
         old, parts = self.plan.trajectory, self._present.parts[self.arm]
         arrival = max([self.now, *(float(part.route.steps.times[-1]) for part in parts if part.route.segments)])
-        return NewMotion(parts, old.select(self.arm).cut(self.now, max(self.now, old.end_time)), arrival)
+        return NewMotion(parts, old.cut(self.now, max(self.now, old.end_time)).select(self.arm), arrival)
 
     # ---- others yield --------------------------------------------------------------------------
 
@@ -295,7 +300,7 @@ class _Change:
                 continue
             before = [old for old in plan.parts[name] if old.end > self.now]
             later = part.shifted(start)
-            motion = plan.trajectory.select(name).cut(self.now, start)
+            motion = plan.trajectory.cut(self.now, start).select(name)
             motion = joined(motion, result.trajectory.select(name).shifted(start))
             changed[name] = NewMotion(
                 (*before[:-1], before[-1].until(start), later), motion, float(later.route.steps.times[-1])

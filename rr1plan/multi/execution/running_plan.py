@@ -198,11 +198,12 @@ class RunningPlan(Value):
         Args:
             changed: Their parts, from before `now` on.
             trajectory: The motion of all arms.
-            now: Paths that are over by then are kept without their placed bodies [s].
+            now: Paths that are over by then are kept without their collision tables [s].
         """
         parts = {**self.parts, **changed}
         for part in (part for several in parts.values() for part in several if part.end <= now):
             part.path.release()
+            part.path.agent.release()
         return replace(self, trajectory=trajectory, parts=parts)
 
 
@@ -251,7 +252,7 @@ def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
                 motion.go_to(gridpoint, now)
                 found.append(_stopped(part, motion, step, gridpoint))
     end = float(steps.times[steps.begins == planned][0])
-    braking = plan.trajectory.select(arm).cut(now, max(now, end))
+    braking = plan.trajectory.cut(now, max(now, end)).select(arm)
     before = _cut(part, planned, steps.times, braking.end_time)
     return [*found, Stop(braking.end_time, plan.configuration(arm, braking.end_time), before, braking)]
 

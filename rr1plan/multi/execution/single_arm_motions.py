@@ -228,7 +228,8 @@ def joined(one: Trajectory, two: Trajectory) -> Trajectory:
         return two
     if two.duration == 0.0:
         return one
-    terms = max(one.coefficients.shape[1], two.coefficients.shape[1])
-    c = [np.pad(t.coefficients, ((0, 0), (0, terms - t.coefficients.shape[1]), (0, 0))) for t in (one, two)]
-    breaks = np.concatenate([one.breaks, two.breaks[1:]])
-    return Trajectory(one.joint_names, breaks, np.concatenate(c))
+    terms, pieces = max(one.coefficients.shape[1], two.coefficients.shape[1]), len(one.coefficients)
+    coefficients = np.zeros((pieces + len(two.coefficients), terms, len(one.joint_names)))
+    coefficients[:pieces, : one.coefficients.shape[1]] = one.coefficients
+    coefficients[pieces:, : two.coefficients.shape[1]] = two.coefficients
+    return Trajectory(one.joint_names, np.concatenate([one.breaks, two.breaks[1:]]), coefficients)

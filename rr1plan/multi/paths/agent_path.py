@@ -345,6 +345,7 @@ class AgentPath:
     def release(self) -> None:
         """Free the placed bodies, most of the memory of a path; they are recomputed on demand."""
         self.__dict__.pop("placed", None)
+        self.__dict__.pop("placed_ends", None)
 
     def _fill_leaves(self, q: Array, reach: Array) -> None:
         """The configuration in the middle of each leaf, and the largest deviation of each column from it."""
