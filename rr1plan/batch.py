@@ -15,14 +15,22 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 from multiprocessing import get_context
 from multiprocessing.sharedctypes import RawArray
 from multiprocessing.synchronize import Event
-from typing import Any, Literal, TypeVar, overload
+from typing import Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 
@@ -59,7 +67,7 @@ _POLL = 0.1
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanFailure(Value):
-    """Result of a problem that raised an exception, whose process died, or that was cancelled.
+    """Result of a problem that raised an exception, whose process died, or that was cancelled or not accepted.
 
     Args:
         problem: The problem.
@@ -157,7 +165,8 @@ def plan_many(
 
     Returns:
         The results in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a `PlanFailure` if
-        the problem raised an exception, its process died, or the batch was cancelled.
+        the problem raised an exception, its process died, the executor broke or was shut down, or the batch was
+        cancelled.
 
     Raises:
         UnknownNameError: no such planner or retiming.
@@ -184,8 +193,10 @@ def plan_many(
     if executor is not None:
         left = deque(chunks)
         lost = _work_off(executor, left, settings, board, len(chunks))
-        for task in [*lost, *chain.from_iterable(left)] if lost else []:
-            board.note(task.number, Raised("BrokenExecutor", "the executor broke before this problem was done"))
+        if lost:
+            lost += [_Lost(task, lost[-1].why) for task in chain.from_iterable(left)]
+        for task, why in lost:
+            board.note(task.number, why)
         return board.results()
     _work_in_processes(chunks, settings, board, min(workers or processors(), len(chunks)))
     return board.results()
@@ -281,15 +292,25 @@ class _Board:
         return [self._results[i] if i in self._results else PlanFailure(p, *none) for i, p in enumerate(self.problems)]
 
 
+class _Lost(NamedTuple):
+    """A task that the executor did not do, and why."""
+
+    task: Task
+    why: Raised
+
+
+_BROKE = Raised("BrokenExecutor", "the executor broke before this problem was done")
+
+
 def _work_off(
     executor: Executor, chunks: deque[list[Task]], settings: Settings, board: _Board, at_once: int
-) -> list[Task]:
-    """Process all chunks, `at_once` of them at a time; return the tasks lost with a broken executor.
+) -> list[_Lost]:
+    """Process all chunks, `at_once` of them at a time; return the tasks lost with a broken or closed executor.
 
     A chunk that cannot be pickled is tried again problem by problem.
     """
     pending: dict[Future[list[object]], list[Task]] = {}
-    lost: list[Task] = []
+    lost: list[_Lost] = []
     try:
         while (chunks or pending) and not board.cancelled:
             while chunks and len(pending) < at_once and not lost:
@@ -297,11 +318,15 @@ def _work_off(
                 try:
                     pending[executor.submit(run_chunk, chunk, settings)] = chunk
                 except BrokenExecutor:
-                    lost += chunk
+                    lost += [_Lost(task, _BROKE) for task in chunk]
+                except RuntimeError as error:  # it is shut down
+                    why = Raised(type(error).__name__, f"the executor accepted no more tasks: {error}")
+                    lost += [_Lost(task, why) for task in chunk]
             if not pending:
                 break
-            timeout = _POLL if isinstance(executor, _Pool) else None
-            for future in wait(pending, timeout, return_when=FIRST_COMPLETED).done:
+            # `wait` never returns a future that the shutdown of its executor cancelled.
+            wait(pending, _POLL, return_when=FIRST_COMPLETED)
+            for future in [future for future in pending if future.done()]:
                 lost += _take(future, pending.pop(future), chunks, board)
             board.report()
         if isinstance(executor, _Pool) and board.cancelled:
@@ -323,12 +348,16 @@ def _keep_ended(pending: dict[Future[list[object]], list[Task]], board: _Board) 
                         board.note(task.number, result)
 
 
-def _take(future: Future[list[object]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[Task]:
+def _take(future: Future[list[object]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[_Lost]:
     """Store the results of a chunk; return its tasks if they were lost."""
     try:
         results = future.result()
     except BrokenExecutor:
-        return chunk
+        return [_Lost(task, _BROKE) for task in chunk]
+    except CancelledError:
+        for task in chunk:
+            board.note(task.number, Raised("CancelledError", "the executor cancelled this problem"))
+        return []
     except Exception as error:
         if len(chunk) > 1:
             chunks.extend([task] for task in chunk)
@@ -345,7 +374,7 @@ def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Boa
     left = deque(chunks)
     while left and not board.cancelled:
         with _pool(workers, board) as pool:
-            suspects = deque(_work_off(pool, left, settings, board, workers))
+            suspects = deque(task for task, _ in _work_off(pool, left, settings, board, workers))
         while suspects and not board.cancelled:
             with _pool(1, board) as pool:
                 while suspects and not board.cancelled:

@@ -7,6 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -29,6 +30,29 @@ class DaskLikeClient:
 
     def get_executor(self):
         return InLine()
+
+
+class ShutDownAfterOne(ThreadPoolExecutor):
+    """Is shut down when the second task is submitted, by which it cancels tasks that have not begun."""
+
+    def submit(self, function, /, *arguments, **settings):
+        if not self.begun.is_set():
+            future = super().submit(self.wait, function, *arguments, **settings)
+            self.begun.wait()
+            return future
+        future = super().submit(function, *arguments, **settings)
+        self.shutdown(wait=False, cancel_futures=True)
+        self.go_on.set()
+        return future
+
+    def __init__(self):
+        super().__init__(1)
+        self.begun, self.go_on = threading.Event(), threading.Event()
+
+    def wait(self, function, *arguments, **settings):
+        self.begun.set()
+        self.go_on.wait()
+        return function(*arguments, **settings)
 
 
 class InLine(Executor):
@@ -179,6 +203,18 @@ def test_an_executor_of_ones_own_that_breaks_loses_what_is_left(problems):
     for answer in [answers[0], *more]:
         assert isinstance(answer, PlanFailure)
         assert "broke" in answer.reason
+
+
+def test_an_executor_that_is_shut_down_keeps_what_is_done_and_says_why_the_rest_is_not(problems):
+    settings = {"rng": 0, "full": False, "budget": BUDGET, "workers": 1}
+    executor = ShutDownAfterOne()
+    answers = rp.plan_many(problems, executor=executor, **settings)
+    assert [answer.found for answer in answers] == [True, True, False, False, False]
+    assert [answer.reason for answer in answers[2:4]] == ["the executor cancelled this problem"] * 2
+    for answer in [answers[4], *rp.plan_many(problems, executor=executor, **settings)]:
+        assert isinstance(answer, PlanFailure)
+        assert "the executor accepted no more tasks" in answer.reason
+        assert "shutdown" in answer.reason
 
 
 def test_progress_is_told_and_may_cancel(problems):
