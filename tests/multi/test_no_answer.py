@@ -30,6 +30,8 @@ from rr1plan.transforms import pose
 from rr1plan.validation.compiled_search import TOUCH
 
 Check = Callable[..., None]
+# Planning many arms counts no iterations, but a budget has to have either.
+_UNTIMED = Budget(seconds=math.inf, iterations=1)
 
 
 def _facing(planar2r: rp.Robot) -> rp.Scene:
@@ -99,7 +101,7 @@ def test_alternatives_that_only_fit_together_are_found(method: str, assert_safe:
     up, down = [np.pi / 2, 0.1], [-np.pi / 2, 0.1]
     goals = {"left": [[0.0, 0.0], up], "right": [[np.pi, 0.0], up]}
     problem = rp.Problem(scene, {"left": down, "right": down}, goals)
-    result = plan_many_arms(problem, method=method, rng=0)
+    result = plan_many_arms(problem, method=method, rng=0, budget=_UNTIMED)
     assert result.found
     assert_safe(problem, result)
 
