@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed
+from rr1plan.checks import Array, Seed, as_generator
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
@@ -19,7 +20,7 @@ from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.coordination import are_apart, cross_pairs
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.collision_messages import describe_collision
-from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
+from rr1plan.planners.goal_configurations import GoalSearch, GoalSet, check_start, joint_goals
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
@@ -33,6 +34,9 @@ Even the smallest is ten times the clearance that the referee cannot distinguish
 
 # Planner iterations after which one of several goal configurations of an arm counts as not reached.
 _ITERATIONS = 2000
+# Largest numbers of configurations of one goal and of one arm; how often both are doubled, if all of them exclude each
+# other.
+_GOALS_OF_EACH, _GOALS_OF_ARM, _MORE_GOALS = 8, 32, 3
 
 
 @dataclass(frozen=True)
@@ -234,7 +238,8 @@ def goal_configurations(
     Returns:
         The configurations, None and an empty text; or no configurations, the status and the reason.
     """
-    return _goal_choices(agents, near, rng, Stopwatch(np.inf), lambda arm, q: True)[:3]
+    # Without more rounds: a seeded problem must not change, and problems draw other goals.
+    return _goal_choices(agents, near, rng, Stopwatch(np.inf), lambda arm, q: True, rounds=0)[:3]
 
 
 def _goal_choices(
@@ -243,6 +248,7 @@ def _goal_choices(
     rng: Seed,
     watch: Stopwatch,
     is_reached: Callable[[str, Array], bool],
+    rounds: int = _MORE_GOALS,
 ) -> tuple[dict[str, Array], PlanStatus | None, str, GoalChoices | None]:
     """As `goal_configurations`, and all goal configurations.
 
@@ -252,29 +258,35 @@ def _goal_choices(
         rng: Generator or seed of inverse kinematics.
         watch: Deadline, after which the status is TIMEOUT.
         is_reached: Whether an arm alone can reach a configuration; otherwise another one is chosen if possible.
+        rounds: How often configurations of poses and regions are searched again if all of them exclude each other.
     """
     found: dict[str, Array] = {}
     for arm, agent in agents.items():
         if not watch.goes_on():
             late = _too_late(watch)
             return {}, late.status, late.reason, None
-        query = agent.query({}, 0.0)
-        with checker_from_pool(query.scene, query.arms) as checker:
-            goals = joint_goals(query)
-            if goals is None or len(goals) > 1 or not _is_usable(checker, goals[0]):
-                search = GoalSearch(query, checker, rng).find()
-                if search.status is not None:
-                    return {}, search.status, f"{arm}: {search.reason}", None
-                goals = search.configurations
-        found[arm] = goals
-    conflicts = GoalConflicts(agents, found, near)
-    choices = GoalChoices(conflicts, is_reached)
+        own = _own_goals(agent, rng)
+        if own.status is not None:
+            return {}, own.status, f"{arm}: {own.reason}", None
+        found[arm] = own.configurations
+    choices = GoalChoices(GoalConflicts(agents, found, near), is_reached)
     chosen = choices.first()
     touching = _first_contact(agents, chosen, near)
     if touching is None:
         return chosen, None, "", choices
     # The repair of conflicts is incomplete, and configurations that were not reached are only hard to reach.
-    combined, complete = conflicts.combination(watch)
+    combined, complete = choices.conflicts.combination(watch)
+    sampled = [arm for arm, agent in agents.items() if joint_goals(agent.query({}, 0.0)) is None]
+    generator = as_generator(rng)
+    for effort in range(1, rounds + 1):
+        if combined is not None or not (sampled and complete and watch.goes_on()):
+            break
+        # Few of the infinitely many configurations of a pose or a region leave room for another arm near them.
+        for arm in takewhile(lambda _: watch.goes_on(), sampled):
+            own = _own_goals(agents[arm], generator, effort)
+            found[arm] = found[arm] if own.status is not None else own.configurations
+        choices = GoalChoices(GoalConflicts(agents, found, near), is_reached)
+        combined, complete = choices.conflicts.combination(watch)
     if combined is not None:
         choices.use(combined)
         return combined, None, "", choices
@@ -290,6 +302,23 @@ def _goal_choices(
     ]
     reason = "; ".join([f"the goals exclude each other{tried}: {touching}", *staying])
     return {}, PlanStatus.INVALID_GOAL, reason, None
+
+
+def _own_goals(agent: Agent, rng: Seed, effort: int = 0) -> GoalSet:
+    """Goal configurations of one arm, or why there are none.
+
+    Args:
+        agent: The agent.
+        rng: Generator or seed of inverse kinematics.
+        effort: Their largest number doubles with each.
+    """
+    query = agent.query({}, 0.0)
+    with checker_from_pool(query.scene, query.arms) as checker:
+        goals = joint_goals(query)
+        if goals is not None and len(goals) == 1 and _is_usable(checker, goals[0]):
+            return GoalSet(goals)
+        each, most = _GOALS_OF_EACH << effort, _GOALS_OF_ARM << effort
+        return GoalSearch(query, checker, rng, max_per_goal=each, max_composites=most).find()
 
 
 def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:

@@ -114,6 +114,19 @@ def test_alternatives_that_all_exclude_each_other_are_a_proof(planar2r: rp.Robot
     assert "in all combinations tried" in result.reason
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_tools_meet_if_any_of_their_orientations_leave_room(seed: int, rr1: rp.Robot, assert_safe: Check) -> None:
+    """Of the first few configurations of each arm, no two leave room for each other."""
+    scene = rp.Scene().with_arm("left", rr1, pose([-0.3, 0.0, 0.0], rpy=[0.0, 0.0, np.pi]))
+    scene = scene.with_arm("right", rr1, (0.3, 0.0, 0.0))
+    aside = rr1.home + np.array([1.4, 0.0, 0.0, 0.0, 0.0, 0.0])
+    goals = {"left": rp.PoseGoal("tool", [-0.015, 0.0, 0.2]), "right": rp.PoseGoal("tool", [0.015, 0.0, 0.2])}
+    problem = rp.Problem(scene, {"left": aside, "right": aside}, goals)
+    result = plan_many_arms(problem, rng=seed, budget=_UNTIMED)
+    assert result.found
+    assert_safe(problem, result)
+
+
 def _slot(width: float) -> rp.Scene:
     """A slot of some width more than the arm [m], a wall, and two arms far away."""
     robot, idle = rp.planar_arm("PP", (1.0, 1.0), width=0.05), rp.planar_arm("RR", (0.5, 0.3))
