@@ -18,6 +18,7 @@ from rr1plan.planning import Budget
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Geometry, Joint, Link
 from rr1plan.scene.subscene import subscene
+from rr1plan.transforms import pose
 
 _BUDGET = Budget(seconds=20.0)
 
@@ -405,6 +406,18 @@ def test_a_goal_where_another_arm_ends_names_it(planar2r: rp.Robot) -> None:
     assert added.blocked_by == ("right",)
     assert "not clear of the final configurations of others" in added.reason
     assert "right" in added.reason
+
+
+def test_a_tool_reaches_another_one_if_any_of_its_orientations_leaves_room(rr1: rp.Robot) -> None:
+    """The first few configurations touch the other arm at its goal."""
+    scene = rp.Scene().with_arm("left", rr1, pose([-0.3, 0.0, 0.0], rpy=[0.0, 0.0, np.pi]))
+    scene = scene.with_arm("right", rr1, (0.3, 0.0, 0.0))
+    aside = rr1.home + np.array([1.4, 0.0, 0.0, 0.0, 0.0, 0.0])
+    start, goal = {"left": aside, "right": aside}, {"right": rp.PoseGoal("tool", [0.025, 0.0, 0.2])}
+    result = rp.plan_many_arms(rp.Problem(scene, start, goal, arms=["left", "right"]), rng=0)
+    there = rp.PoseGoal("tool", [-0.025, 0.0, 0.2])
+    added = rp.add_motion(result, "left", there, at=result.makespan, budget=_BUDGET, rng=4)
+    assert added.found, added.reason
 
 
 def test_a_goal_that_cannot_be_is_said(planar2r: rp.Robot, rr1: rp.Robot) -> None:

@@ -25,8 +25,9 @@ from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.scene.problem import GoalLike
 from rr1plan.trajectory import Trajectory
 
-# Numbers of tried detours from each stop, and goal configurations.
-_DETOURS, _GOALS = 4, 3
+# Numbers of tried detours from each stop, and goal configurations; rounds of further solutions of inverse kinematics if
+# all touch others at their goals.
+_DETOURS, _GOALS, _MORE_GOALS = 4, 3, 6
 # A motion is good enough if it takes at most this times as long as the fastest one alone.
 _GOOD_ENOUGH = 1.5
 
@@ -206,20 +207,34 @@ class SingleArmMotions:
             if blocked:
                 attempt.reason = f"{arm}: {blocked}"
                 return []
-            found = GoalSearch(query, checker, self._rng).find()
-        if found.status is not None:
-            attempt.reason = f"{arm}: {found.reason}"
-            return []
-        free, in_the_way = [], set()
-        for q in sorted(found.configurations, key=lambda q: float(np.abs(q - agent.start).max())):
-            touched = self._present.touched_at_end(agent, q)
-            in_the_way |= touched
-            if not touched:
-                free.append(np.asarray(q))
+            search = GoalSearch(query, checker, self._rng)
+            found = search.find()
+            if found.status is not None:
+                attempt.reason = f"{arm}: {found.reason}"
+                return []
+            free, in_the_way = self._clear(agent, found.configurations)
+            for _ in range(_MORE_GOALS):
+                if free or not self.has_time():
+                    break
+                free, _ = self._clear(agent, search.more())
         if not free:
             attempt.reason = f"the goal of {arm} is not clear of the final configurations of others"
             attempt.blockers |= in_the_way
         return free[:_GOALS]
+
+    def _clear(self, agent: Agent, configurations: Array) -> tuple[list[Array], set[str]]:
+        """Those of some configurations (k, nq) without contact with the others at their goals, nearest first.
+
+        Returns:
+            The configurations, shape (nq,) each, and the arms that the remaining ones touch.
+        """
+        free, in_the_way = [], set[str]()
+        for q in sorted(configurations, key=lambda q: float(np.abs(q - agent.start).max())):
+            touched = self._present.touched_at_end(agent, q)
+            in_the_way |= touched
+            if not touched:
+                free.append(np.asarray(q))
+        return free, in_the_way
 
 
 def joined(one: Trajectory, two: Trajectory) -> Trajectory:
