@@ -279,9 +279,11 @@ def _goal_choices(
     sampled = [arm for arm, agent in agents.items() if joint_goals(agent.query({}, 0.0)) is None]
     generator = as_generator(rng)
     for effort in range(1, rounds + 1):
-        if combined is not None or not (sampled and complete and watch.goes_on()):
+        if combined is not None or not (complete and watch.goes_on()):
             break
-        # Few of the infinitely many configurations of a pose or a region leave room for another arm near them.
+        # Few of the infinitely many configurations of a pose or a region leave room for another arm near them. A search
+        # that did not find as many as it was allowed to will not find more.
+        sampled = [arm for arm in sampled if len(found[arm]) >= _GOALS_OF_EACH << (effort - 1)]
         for arm in takewhile(lambda _: watch.goes_on(), sampled):
             own = _own_goals(agents[arm], generator, effort)
             found[arm] = found[arm] if own.status is not None else own.configurations
