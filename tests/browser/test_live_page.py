@@ -69,6 +69,19 @@ def test_pages_that_open_later_have_the_latest_data_of_panels(browser: Any, flat
             for shown in tabs[:number]:
                 wait_until(shown, f"{CONNECTED} && document.getElementById('panel-numbers').title[9] === '{number}'")
         assert tabs[1].evaluate("document.getElementById('panel-numbers').title") == '{"first":2,"second":0}'
+        viewer.update([0.25, -0.5])
+        wait_until(tabs[0], "RR1.q[0] === 0.25")
+        # What the program sent before a reconnection does not undo what the user has changed since; news arrives.
+        tabs[0].evaluate("RR1.panelData.numbers.first = 7, RR1.setJoint(0, 1.0), RR1.live.socket.close()")
+        wait_until(tabs[0], "RR1.live.socket.readyState === 3")
+        viewer.update_panel("numbers", {"second": 5})
+        wait_until(tabs[0], f"{CONNECTED} && RR1.panelData.numbers.second === 5")
+        viewer.update_panel("numbers", {"third": 1})
+        wait_until(tabs[0], "RR1.panelData.numbers.third === 1")  # after the frame
+        tabs[0].evaluate("new Promise(requestAnimationFrame)")
+        assert tabs[0].evaluate("[RR1.panelData.numbers.first, RR1.q[0]]") == [7, 1.0]
+        viewer.update([0.25, -0.5])  # the same again, but not because of the connection
+        wait_until(tabs[0], "RR1.q[0] === 0.25")
     for tab in tabs:
         tab.close()
 

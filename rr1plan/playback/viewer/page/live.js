@@ -12,6 +12,8 @@ class Live {
     this.access = access;
     this.version = access.version;
     this.newest = null;
+    this.latest = { frame: null, entries: new Map() };
+    this.repeats = new Set(); // what the server sends again first
     this.ended = false;
     this.reached = false;
     this.tries = 0;
@@ -28,6 +30,7 @@ class Live {
       clearTimeout(expiry);
       this.reached = true;
       this.tries = 0;
+      this.repeats = new Set(["frame", "entries"]);
       this.viewer.controls.status("");
     };
     socket.onmessage = (message) => this.take(message.data);
@@ -55,21 +58,43 @@ class Live {
   }
 
   take(data) {
-    if (data instanceof ArrayBuffer) { this.newest = new Float64Array(data); return; }
+    if (data instanceof ArrayBuffer) { this.takeFrame(new Float64Array(data)); return; }
     const message = JSON.parse(data);
     const { viewer } = this;
+    if (message.type !== "panels") this.latest.frame = null; // the server does not repeat it either
     const acts = {
-      document: () => { this.version = message.version; this.newest = null; viewer.load(message.value, true); },
+      document: () => { this.version = message.version; this.newest = null; this.latest.entries.clear(); viewer.load(message.value, true); },
       play: () => viewer.play(),
       pause: () => viewer.pause(),
       seek: () => viewer.seek(message.value),
       speed: () => viewer.setSpeed(message.value),
-      panels: () => viewer.fillPanels(message.value),
+      panels: () => this.takePanels(message.value),
       // The page belongs to an earlier program at the same address.
       reload: () => { this.ended = true; location.reload(); },
       end: () => this.end(),
     };
     if (Object.hasOwn(acts, message.type)) acts[message.type]();
+  }
+
+  // After a reconnection the server repeats the latest frame and data of panels, which would undo what the user has
+  // changed since. Those that this page has already received are skipped.
+
+  takeFrame(q) {
+    const known = this.latest.frame, same = known && known.length === q.length && known.every((value, i) => value === q[i]);
+    this.latest.frame = q;
+    if (!this.repeats.delete("frame") || !same) this.newest = q;
+  }
+
+  takePanels(panels) {
+    const { entries } = this.latest, repeated = this.repeats.delete("entries"), news = {};
+    for (const [name, data] of Object.entries(panels)) {
+      for (const [key, value] of Object.entries(data)) {
+        const entry = `${name} ${key}`, text = JSON.stringify(value), known = entries.get(entry) === text;
+        entries.set(entry, text);
+        if (!repeated || !known) news[name] = { ...news[name], [key]: value };
+      }
+    }
+    if (Object.keys(news).length) this.viewer.fillPanels(news);
   }
 
   /** Reports a moved slider to the program. */
