@@ -202,6 +202,9 @@ def test_the_diagram_moves_both_arms_along_their_paths(page: tuple[Any, Any]) ->
     tab, lesson = page
     go_to(tab, "diagram")
     pair = lesson.pairs["take_turns"]
+    # The mark of both arms is there from the beginning, and other layers do not remove it.
+    tab.ask("RR1.play(), RR1.pause(), RR1.setShown('frames', false)")
+    assert len(tab.ask("RR1.pair.places")) == 2
     box = tab.page.locator("#panel-pair .diagram canvas").bounding_box()
     tab.page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.3 * box["height"])
     places = tab.ask("RR1.pair.places")

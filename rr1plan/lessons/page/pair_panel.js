@@ -155,9 +155,8 @@ class TwoArms {
   pose(q) {
     const full = viewer.q.slice();
     data.columnsOfBoth.forEach((column, k) => { full[column] = q[k]; });
-    this.own = true;
+    this.posed = q;
     viewer.setQ(full);
-    this.own = false;
   }
 
   q() { return data.columnsOfBoth.map((column) => viewer.q[column]); }
@@ -224,7 +223,8 @@ class TwoArms {
   }
 
   follow() {
-    if (!this.own) this.places = null;
+    // Unless the arms are where the places on their paths have put them.
+    if (this.q().some((v, k) => v !== this.posed[k])) this.places = null;
     const other = this.rasterKey();
     if (other !== this.rastered) this.rasterize();
     else { this.square.redraw(); }
