@@ -39,7 +39,8 @@ _BOXES = """(parts) => {
     const { left, top, right, bottom } = node.getBoundingClientRect();
     return [left / innerWidth, top / innerHeight, right / innerWidth, bottom / innerHeight];
   };
-  const shown = (node) => node.checkVisibility({ visibilityProperty: true }) && node.offsetWidth !== 0;
+  // A part for screen readers only is one pixel wide.
+  const shown = (node) => node.checkVisibility({ visibilityProperty: true }) && node.offsetWidth > 1;
   const rows = (part) => [...document.querySelectorAll(part)].map((node, k) => [`${part} ${k}`, node]);
   const found = parts.flatMap(rows).filter(([, node]) => shown(node));
   return Object.fromEntries(found.map(([name, node]) => [name, box(node)]));

@@ -76,6 +76,15 @@ def test_the_address_names_the_step(tab: Any, page_file: Path) -> None:
     assert tab.ask("RR1.steps.index") == 2
     tab.ask("() => { location.hash = 'step=2'; }")
     wait_until(tab.page, "RR1.steps.index === 1")
+    tab.page.keyboard.press("PageDown")
+    assert tab.page.url.endswith("#step=3")
+    tab.page.reload()
+    wait_until(tab.page, READY)
+    assert tab.ask("RR1.steps.index") == 2
+    # The title is a heading of the page for screen readers, and not drawn twice.
+    heading = tab.page.get_by_role("heading", level=1)
+    assert heading.inner_text() == tab.page.title()
+    assert tab.ask("getComputedStyle(headline).clipPath") == "inset(50%)"
 
 
 # Of each lesson with an animation a step that has one, and what it changes.

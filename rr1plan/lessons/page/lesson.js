@@ -59,8 +59,17 @@ class Steps {
     this.go(wish >= 1 && wish <= this.articles.length ? wish - 1 : 0);
   }
 
+  /** Writes the step into the address, where a reload and a copied link find it; a page in a notebook has none. */
+  keep(index) {
+    if (location.protocol === "about:") return;
+    const wishes = new URLSearchParams(location.hash.slice(1));
+    wishes.set("step", index + 1);
+    history.replaceState(null, "", `#${wishes}`);
+  }
+
   go(index) {
     if (index < 0 || index >= this.articles.length || index === this.index) return;
+    if (this.index >= 0) this.keep(index);
     this.index = index;
     this.articles.forEach((article, k) => { article.hidden = k !== index; });
     this.texts.scrollTop = 0;
