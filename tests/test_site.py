@@ -11,6 +11,8 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 import rr1plan as rp
+from rr1plan.playback.viewer import view_document
+from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.page_capture import open_browser, wait_until
 
 pytest.importorskip("sphinx", reason="sphinx is not installed")
@@ -82,6 +84,10 @@ def test_all_pages_of_the_documentation_are_in_the_site(site: Path) -> None:
     written = {file.relative_to(DOCS).with_suffix(".html") for file in DOCS.rglob("*.md")}
     assert len(written) > 15
     assert {page for page in written if not (site / page).is_file()} == set()
+    # The site and the pages of motions have the same icon.
+    assert any(link.endswith("site.svg") for link in Page(site / "index.html").links)
+    icon = page_html(view_document(rp.Scene())).split('<link rel="icon" href="data:image/svg+xml,')[1].split('"')[0]
+    assert unquote(icon).replace("'", '"') == (DOCS / "site.svg").read_text(encoding="utf-8").strip()
 
 
 @pytest.mark.browser
