@@ -204,6 +204,13 @@ def test_the_badge_says_whether_the_arm_is_free_and_the_arm_turns_red(calm: Any,
     calm.page.mouse.click(*on_canvas(calm, [lesson.grid.axes[0][i], lesson.grid.axes[1][j]]))
     assert state.inner_text() == "blocked by yellow"
     assert calm.ask("RR1.lesson.blocked")
+    # A long name leaves room for the title.
+    state.evaluate("node => { node.textContent = 'blocked by ' + 'a very long name of an obstacle '.repeat(9); }")
+    title, badge, panel = (
+        calm.page.locator(part).bounding_box() for part in ("#panel-cspace h2", "#panel-cspace .state", "#panel-cspace")
+    )
+    assert title["x"] + title["width"] <= badge["x"]
+    assert badge["x"] + badge["width"] < panel["x"] + panel["width"]
     calm.page.mouse.click(*on_canvas(calm, lesson.start))
     assert state.inner_text() == "free"
     assert not calm.ask("RR1.lesson.blocked")

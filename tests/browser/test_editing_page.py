@@ -651,9 +651,53 @@ def test_the_name_of_the_tool_stands_apart_from_its_position_on_a_phone(calm: An
     calm.page.set_viewport_size({"width": 390, "height": 844})
     calm.ask("RR1.editing.open()")
     frames(calm)
+    assert calm.page.inner_text("#readout").count("°") == 3
     name, place = calm.ask("[...document.querySelectorAll('#readout > *')].map((e) => e.getBoundingClientRect())")[:2]
     assert name["right"] + 6.0 < place["left"]
     calm.page.set_viewport_size(size)
+
+
+def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm: Any) -> None:
+    size = calm.page.viewport_size
+    lowest = """() => {
+        RR1.stage.camera.updateMatrixWorld();
+        return Math.max(...Object.values(RR1.poses(RR1.q)).map((T) => {
+            const p = new RR1.THREE.Vector3(T[12], T[14], -T[13]).project(RR1.stage.camera);
+            return (1 - p.y) / 2 * RR1.stage.pane.clientHeight;
+        }));
+    }"""
+    for width, height in ((844, 390), (390, 844)):
+        calm.page.set_viewport_size({"width": width, "height": height})
+        calm.ask("RR1.look(), RR1.editing.isOpen && RR1.editing.toggle(), RR1.plots.toggle()")
+        calm.page.keyboard.press("m")
+        frames(calm)
+        title, card = calm.ask("[title, editing].map((node) => node.getBoundingClientRect().toJSON())")
+        assert title["bottom"] < card["top"], (width, height)
+        assert calm.ask(lowest) < card["top"], (width, height)
+        assert calm.page.locator("#plots").is_hidden()
+        calm.page.keyboard.press("m")
+        assert calm.page.locator("#plots").is_visible()
+        calm.ask("RR1.plots.toggle()")
+    calm.page.set_viewport_size(size)
+
+
+def test_the_picture_stays_under_the_pointer_when_the_window_changes_during_a_drag(calm: Any) -> None:
+    size = calm.page.viewport_size
+    calm.ask("RR1.look()")
+    x, y = grab_point(calm, "rr1/forearm_link")
+    calm.page.mouse.move(x, y)
+    calm.page.mouse.down()
+    calm.page.mouse.move(x + 20, y + 10)
+    frames(calm)
+    camera = "RR1.stage.camera.position.toArray()"
+    before = calm.ask(camera)
+    calm.page.set_viewport_size({"width": size["width"] // 2, "height": size["height"]})
+    wait_until(calm.page, f"innerWidth === {size['width'] // 2}")
+    frames(calm)
+    assert calm.ask(camera) == before
+    calm.page.mouse.up()
+    calm.page.set_viewport_size(size)
+    wait_until(calm.page, f"innerWidth === {size['width']}")
 
 
 def test_the_report_ends_above_the_card_of_edits(calm: Any) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -269,7 +270,7 @@ def test_the_simulated_shadow_is_where_the_replay_was(calm: Any, two_arms: rp.Sc
     np.testing.assert_allclose(np.reshape(at, (4, 4)).T, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize(("error", "unit"), [((0.02, 0.001), "m"), ((0.001, 0.02), "rad")])
+@pytest.mark.parametrize(("error", "unit"), [((0.02, 0.001), "mm"), ((0.001, 0.02), "mrad")])
 def test_the_error_of_a_replay_has_the_unit_of_its_joint(
     tab: Any, tmp_path: FilePath, error: tuple[float, float], unit: str
 ) -> None:
@@ -280,7 +281,7 @@ def test_the_error_of_a_replay_has_the_unit_of_its_joint(
     record = rp.ReplayRecord(times, motion(times), motion(times) + error)
     replay = Replay("dynamic", names, record, np.array(error), zeros, zeros, (), 1, 0.1, 1.0)
     tab.open(save_html(tmp_path / "page.html", scene, trajectory=motion, replay=replay))
-    assert f"off by 2.0e-2 {unit} at most" in tab.page.inner_text("#facts")
+    assert f"off by 20 {unit} at most" in tab.page.inner_text("#facts")
     assert tab.complaints == []
 
 
@@ -289,7 +290,7 @@ def test_a_violation_leads_to_its_moment_and_pair(calm: Any) -> None:
     facts = calm.page.inner_text("#facts")
     assert re.search(r"Clearance\s+-4.0 mm", facts)
     assert re.search(r"Self clearance\s+10.2 mm", facts)
-    assert re.search(r"MuJoCo\s+motion not followed, off by 2.0e-2 rad at most, no contact", facts)
+    assert re.search(r"MuJoCo\s+motion not followed, off by 20 mrad at most, no contact", facts)
     assert "self clearance" in calm.page.text_content("#report")
     calm.page.click("#report .violation")
     assert calm.ask("RR1.time") == 1.25
@@ -624,14 +625,21 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: 
 
 
 def test_a_motion_without_a_report_is_called_not_checked(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
-    scene = rp.Scene().with_arm("arm", planar2r)
+    scene = rp.Scene().with_arm("arm", planar2r, [0.0, 0.0, 300.0])
     motion = rp.Trajectory(scene.joint_names(), [0.0, 1.0], [[[0.0, 0.0], [0.5, 0.2]]])
     tab.open(rp.save_html(tmp_path / "motion.html", scene, trajectory=motion, options=rp.ViewOptions(planner=False)))
+    # Far above the ground, where no shadow would reach it.
+    assert 299.0 < tab.ask("RR1.extent.floor") <= 300.0
     assert tab.page.inner_text("#badge") == "Not checked"
     tab.page.click("#badge")
-    assert tab.page.inner_text("#report") == "Not checked: the motion (it came without a report)."
+    assert tab.page.inner_text("#report") == "Not checked: the motion – it came without a report."
+    shapeless = replace(planar2r, links=tuple(replace(link, visuals=(), collisions=()) for link in planar2r.links))
+    scene = rp.Scene().with_arm("arm", shapeless)
     tab.open(rp.save_html(tmp_path / "scene.html", scene, options=rp.ViewOptions(planner=False)))
     assert tab.page.locator("#badge").is_hidden()
+    # Nothing else shows such an arm.
+    assert tab.page.get_attribute("#toggles [data-layer=frames]", "aria-pressed") == "true"
+    assert tab.ask("RR1.overlays.made.frames.group.visible && RR1.world.layers.frames.visible")
     assert tab.complaints == []
 
 

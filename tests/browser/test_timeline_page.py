@@ -84,6 +84,13 @@ def test_a_few_rows_lie_below_the_arms(opened: Any) -> None:
     assert stage["bottom"] <= panels["top"] + 0.5
     assert stage["width"] == panels["width"] == opened.page.viewport_size["width"]
     assert panels["bottom"] <= opened.page.viewport_size["height"] + 0.5
+    # Beside them on a phone held sideways.
+    size = opened.page.viewport_size
+    opened.page.set_viewport_size({"width": 844, "height": 390})
+    stage, panels = opened.ask(boxes)
+    assert stage["right"] <= panels["left"] + 0.5
+    assert stage["height"] == 390
+    opened.page.set_viewport_size(size)
 
 
 def test_a_motion_planned_in_the_page_has_rows_of_its_own(opened: Any) -> None:

@@ -183,8 +183,8 @@ class Controls {
     for (const other of doc.compare) rows.push([other.name, seconds(this.viewer.others.get("compare").end - this.viewer.others.get("compare").start)]);
     if (doc.replay) {
       const { worst_error: worst, worst_joint: joint, tracked, contacts, mode } = doc.replay.summary;
-      const unit = this.viewer.slides[this.viewer.joints.indexOf(joint)] ? "m" : "rad";
-      rows.push(["MuJoCo", `${mode === "dynamic" ? `${tracked ? "" : "motion not followed, "}off by ${worst.toExponential(1)} ${unit} at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
+      const unit = this.viewer.slides[this.viewer.joints.indexOf(joint)] ? "mm" : "mrad";
+      rows.push(["MuJoCo", `${mode === "dynamic" ? `${tracked ? "" : "motion not followed, "}off by ${shortNumber(1000 * worst)} ${unit} at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
     }
     facts.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
   }
@@ -222,7 +222,7 @@ class Controls {
     if (checked.length) rows.push(element("p", `Checked: ${checked.join(", ")}.`));
     const reasons = new Map();
     for (const [name, why] of Object.entries(report.not_checked)) reasons.set(why, [...(reasons.get(why) || []), name]);
-    for (const [why, names] of reasons) rows.push(element("p", `Not checked: ${names.join(", ")} (${why}).`));
+    for (const [why, names] of reasons) rows.push(element("p", `Not checked: ${names.join(", ")} – ${why}.`));
     box.replaceChildren(...rows);
   }
 
@@ -391,7 +391,7 @@ class Controls {
 
   status(text) {
     find("status").hidden = !text;
-    find("status").textContent = text || "";
+    if (find("status").textContent !== (text || "")) find("status").textContent = text || ""; // read out once
   }
 }
 
@@ -403,5 +403,11 @@ const placed = (meters, span) => {
   const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), 3), 9));
   return Number(text) === 0 ? text.replace("-", "") : text;
 };
-/** A distance in its most readable unit. */
-const length = (meters) => (Math.abs(meters) < 0.1 ? `${(1000 * meters).toFixed(1)} mm` : `${meters.toFixed(3)} m`);
+/** A distance in its most readable unit, with digits down to a micrometer where it is small. */
+const length = (meters) => {
+  const size = Math.abs(meters);
+  if (size >= 0.1) return `${meters.toFixed(3)} m`;
+  return `${(1000 * meters).toFixed(size === 0 || size >= 1e-3 ? 1 : size >= 1e-4 ? 2 : 3)} mm`;
+};
+/** A number with three significant digits, and without an exponent if it is large. */
+const digits = (value) => (Math.abs(value) >= 1000 ? value.toFixed(0) : value.toPrecision(3));

@@ -20,6 +20,9 @@ class Lesson {
     this.live = null;
     this.torus = null;
     this.phase = makePhase();
+    const head = make("div", undefined, "head");
+    head.append(root.querySelector("h2"), part(".state"));
+    root.prepend(head);
     this.wireTools();
     this.wireCanvas();
     this.addKeys();
@@ -448,7 +451,7 @@ class Lesson {
     }
     const state = part(".state"), { text, color, ink } = words(answer);
     if (state.textContent !== text) {
-      Object.assign(state, { textContent: text });
+      state.textContent = state.title = text; // a long name of an obstacle is cut off
       Object.assign(state.style, { background: color, color: ink });
     }
     const blocked = !answer.free && !answer.edge && viewer.manual;

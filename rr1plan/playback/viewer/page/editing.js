@@ -158,6 +158,12 @@ class Editing {
     this.card.show(on);
   }
 
+  /** Opens or closes the card, as a button or a key does; during a drag the picture would move away from the pointer. */
+  toggle() {
+    this.open(!this.isOpen);
+    this.viewer.frame();
+  }
+
   select(thing) {
     this.selected = thing;
     if (thing && thing.arm >= 0) this.arm = thing.arm;

@@ -8,7 +8,7 @@ class Jogging {
     const { keys } = viewer, active = () => editing.active, changed = () => active() && editing.past.length + editing.future.length > 0;
     const isHandle = () => active() && document.activeElement.classList.contains("handle");
     keys.add("By hand", [
-      { keys: ["m"], text: "Move by hand and plan", when: active, act: () => editing.open(!editing.isOpen) },
+      { keys: ["m"], text: "Move by hand and plan", when: active, act: () => editing.toggle() },
       { keys: ["j"], text: "Select the next tool, joint or obstacle; with Shift the one before", when: active, act: (event) => this.next(event.shiftKey ? -1 : 1) },
       { keys: ["a"], text: "The start is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("start"); } },
       { keys: ["b"], text: "The goal is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("goal"); } },
@@ -52,7 +52,7 @@ class Jogging {
     const { editing } = this;
     if (editing.isPlanning) editing.cancel();
     else if (document.activeElement.classList.contains("handle")) document.activeElement.blur();
-    else editing.open(false);
+    else if (editing.isOpen) editing.toggle();
   }
 
   /** Length of one step [m]: a round number, 10 mm for arms of half a meter to five. */

@@ -68,6 +68,8 @@ class Viewer {
     this.joints = doc.columns;
     this.limits = this.kinematics.arms.flatMap((a) => a.robot.limits);
     this.shapeless = this.kinematics.arms.flatMap(({ name, robot }) => robot.unchecked.map((link) => `${name}/${link}`));
+    // Of arms without any shape the frames are all there is to see.
+    if (doc.arms.length && !doc.robots.some(({ visuals }) => visuals.length)) this.hidden.delete("frames");
     this.slides = this.kinematics.arms.flatMap((a) => a.robot.kinds.map((kind) => kind === "prismatic"));
     this.takeMotion();
     this.lastDirection = this.preferred || doc.camera.direction;
@@ -339,6 +341,7 @@ class Viewer {
 
   /** Repeats the framing after the window or its cards have changed. */
   frame() {
+    if (this.editing.dragging) return; // what is dragged stays under the pointer
     if (this.framed && !this.stage.turned) this.look(null, this.framed === "whole"); else this.sideBySide.place();
   }
 

@@ -53,8 +53,9 @@ class Overlays {
     this.scaled = toolPath.fastest;
     const strip = element("i");
     strip.style.background = `linear-gradient(to right, ${SPEEDS.map(css).join(", ")})`;
-    bar.setAttribute("aria-label", `Tool speed, from 0 to ${this.scaled.toFixed(2)} m/s`);
-    bar.replaceChildren(element("span", "Tool speed"), element("span", "0"), strip, element("span", `${this.scaled.toFixed(2)} m/s`));
+    const most = this.scaled < 0.1 ? `${length(this.scaled)}/s` : `${this.scaled.toFixed(2)} m/s`;
+    bar.setAttribute("aria-label", `Tool speed, from 0 to ${most}`);
+    bar.replaceChildren(element("span", "Tool speed"), element("span", "0"), strip, element("span", most));
   }
 
   // ---- violations ------------------------------------------------------------------------------

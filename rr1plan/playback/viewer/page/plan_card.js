@@ -5,8 +5,7 @@ class PlanCard {
     Object.assign(this, { viewer, editing, shown: "" });
     find("edit").append(icon("edit"));
     find("shut").append(icon("close"));
-    find("edit").onclick = () => editing.open(!editing.isOpen);
-    find("shut").onclick = () => editing.open(false);
+    find("edit").onclick = find("shut").onclick = () => editing.toggle();
     const acts = [
       ["start", "Start here", "A", "The arm as shown becomes the start", () => editing.setEnd("start")],
       ["goal", "Goal here", "B", "The arm as shown becomes the goal", () => editing.setEnd("goal")],
@@ -100,12 +99,12 @@ class PlanCard {
     const { viewer, editing } = this, arm = viewer.kinematics.arms[editing.arm], solver = editing.solver(editing.arm);
     const T = solver.toolPose(viewer.q), rows = [];
     rows.push([viewer.kinematics.arms.length > 1 ? `Tool of ${arm.name}` : "Tool", ["x", "y", "z"].map((axis, k) => [axis, placed(T[12 + k], viewer.world.span)]), "m"]);
-    rows.push(["", rollPitchYaw(T).map((angle, k) => [["roll", "pitch", "yaw"][k], tenths((180 / Math.PI) * angle)]), "°"]);
-    rows.push(["", [["manipulability", solver.manipulability(viewer.q).toPrecision(3)]], ""]);
+    rows.push(["", rollPitchYaw(T).map((angle, k) => [["roll", "pitch", "yaw"][k], `${tenths((180 / Math.PI) * angle)}°`]), ""]);
+    rows.push(["", [["manipulability", digits(solver.manipulability(viewer.q))]], ""]);
     const nodes = rows.flatMap(([label, values, unit]) => {
       const value = element("dd");
       for (const [name, number] of values) value.append(element("i", name), " ", element("span", number), " ");
-      if (unit === "m") value.append(element("i", unit));
+      if (unit) value.append(element("i", unit));
       return [...(label ? [element("dt", label)] : []), value];
     });
     find("readout").replaceChildren(...nodes);

@@ -155,12 +155,12 @@ class Plots {
 
   /** Makes room for the card, and draws its charts at its width. */
   fit() {
-    const height = this.open ? this.root.offsetHeight + 10 : 0;
+    const height = this.root.offsetHeight ? this.root.offsetHeight + 10 : 0;
     for (const chart of this.charts) if (this.open) chart.draw();
     if (height === this.height) return;
     this.height = height;
     find("stage").style.setProperty("--plots", `${height}px`);
-    find("stage").classList.toggle("plotting", this.open);
+    find("stage").classList.toggle("plotting", height > 0);
     this.viewer.frame();
   }
 

@@ -487,7 +487,10 @@ class World {
     const instants = [1, samples.length >> 1, samples.length - 1].slice(0, many ? 1 : 3);
     const bodies = instants.flatMap((i) => this.bodyCorners(samples[i]));
     const framed = arms.isEmpty() ? cornersOf(near) : [...links.map(([x, y, z, far]) => [x, y, z, Math.min(0.08 * size, far)]), ...bodies, ...[around, ...nearby].flatMap(cornersOf)];
-    return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
+    whole.union(near);
+    // The ground is at z = 0, unless all is far above it: then shadows fall on a floor below the lowest point.
+    const ground = lowest > whole.getSize(new THREE.Vector3()).length() ? lowest : Math.min(0, lowest);
+    return { near, framed, whole, floor: this.floor ?? ground };
   }
 
   /** Corners of the boxes around the parts of arms at a configuration, as balls of radius zero; for many arms one box each. */
