@@ -97,6 +97,23 @@ ANIMATIONS = {
 }
 
 
+# The sliders without a text for screen readers, and the texts that they would read out, during some frames.
+SPOKEN = """async () => {
+    const part = (selector) => [...document.querySelectorAll(selector)].filter((node) => node.checkVisibility());
+    const frame = () => new Promise(requestAnimationFrame), read = [];
+    const silent = part(".panel input[type=range]").filter((slider) => !slider.getAttribute("aria-valuetext"));
+    const observer = new MutationObserver((changes) => read.push(...changes.map((change) => {
+        const node = change.target.parentElement?.closest("output, [aria-live], [role=status]") || change.target;
+        const spoken = node.closest?.("[aria-live]") || node.closest?.("output, [role=status]");
+        return spoken && spoken.ariaLive !== "off" ? node.textContent : "";
+    })));
+    observer.observe(document.body, { childList: true, characterData: true, subtree: true });
+    for (let k = 0; k < 3; k++) await frame();
+    observer.disconnect();
+    return [...silent.map((slider) => slider.outerHTML), ...read.filter(Boolean)];
+}"""
+
+
 @pytest.mark.parametrize("lesson", ANIMATIONS, indirect=True)
 def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, lesson: rp.Lesson) -> None:
     step, value = ANIMATIONS[lesson.name]
@@ -113,6 +130,8 @@ def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, les
     runs = "g" if lesson.name == "no_path" else "Space"
     page.page.keyboard.press(runs)
     wait_until(page.page, f"{value} > {first}")
+    # Screen readers find the value at the slider, and read no text out at each frame.
+    assert page.ask(SPOKEN) == []
     page.page.keyboard.press(runs)
     paused = page.ask(value)
     page.next_frames()

@@ -226,11 +226,11 @@ class EdgeLesson {
     part(".walk").hidden = fixed;
     if (fixed) {
       this.samples = this.edge.samples(this.stepSize);
-      part(".steps output").textContent = degrees(this.stepSize);
+      showValue(this.step, part(".steps output"), degrees(this.stepSize));
       fillSlider(this.step);
     } else {
       Object.assign(this.walk, { min: 0, max: this.list.length, value: this.shown });
-      part(".walk output").textContent = `${this.shown} / ${this.list.length}`;
+      showValue(this.walk, part(".walk output"), `${this.shown} / ${this.list.length}`);
       fillSlider(this.walk);
     }
     this.pose();
@@ -312,7 +312,7 @@ class EdgeLesson {
   say() {
     const text = part(".verdict"), { edge, current } = this;
     const put = (words, tone) => {
-      text.textContent = words;
+      announce(text, words, Boolean(this.timer));
       for (const name of ["good", "bad", "open"]) text.classList.toggle(name, name === tone);
     };
     if (this.mode === "steps") { put(...this.stepWords()); return; }

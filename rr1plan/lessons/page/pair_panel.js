@@ -233,7 +233,7 @@ class TwoArms {
     const { end } = this;
     Object.assign(this.clock, { max: end, value: this.time });
     fillSlider(this.clock);
-    part(".walk output").textContent = `${this.time.toFixed(1)} / ${end.toFixed(1)} s`;
+    showValue(this.clock, part(".walk output"), `${this.time.toFixed(1)} / ${end.toFixed(1)} s`);
   }
 
   /** The inputs of the slice: the other arm, and moved obstacles. */
@@ -256,7 +256,7 @@ class TwoArms {
       words = `${pairs.map(([a, b]) => `${a.replace("/", "’s ")} and ${b.replace("/", "’s ")}`).join(", ")} touch. ${words}`;
       tone = "bad";
     }
-    text.textContent = words;
+    announce(text, words, this.timer && this.time < this.end);
     for (const name of ["good", "bad", "open"]) text.classList.toggle(name, name === tone);
   }
 

@@ -116,7 +116,7 @@ class Search {
     const slider = part(".at");
     slider.value = k;
     slider.style.setProperty("--part", `${(100 * k) / this.length}%`);
-    part(".count").textContent = `${k} / ${this.length}`;
+    showValue(slider, part(".count"), `${k} / ${this.length}`);
     const numbers = {
       vertices: this.state.count,
       checks: k ? record.checks[k - 1] : 0,
@@ -124,7 +124,7 @@ class Search {
       cost: k && record.costs[k - 1] !== null ? `${record.costs[k - 1].toFixed(2)} rad` : "–",
     };
     for (const [name, value] of Object.entries(numbers)) part(`[data-of=${name}]`).textContent = typeof value === "number" ? rough(value) : value;
-    part(".said").textContent = this.say();
+    announce(part(".said"), this.say(), this.playing && k < this.length);
     if (this.state.focus) this.pose(this.state.focus);
     this.drawSpace();
     this.space.chart.draw();

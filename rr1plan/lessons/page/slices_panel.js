@@ -110,7 +110,7 @@ class SixJoints {
     const slider = part(".motion input");
     slider.value = this.along;
     fillSlider(slider);
-    part(".motion output").textContent = percent(this.along, 0);
+    showValue(slider, part(".motion output"), percent(this.along, 0));
     const at = this.along * (rows.length - 1), k = Math.min(Math.floor(at), rows.length - 2);
     this.pose(rows[k].map((v, c) => v + (at - k) * (rows[k + 1][c] - v)));
   }
@@ -191,7 +191,7 @@ class SixJoints {
   say() {
     const text = part(".verdict");
     const put = (words, tone) => {
-      text.textContent = words;
+      announce(text, words, false);
       for (const name of ["good", "bad", "open"]) text.classList.toggle(name, name === tone);
     };
     if (!viewer.planner) { put("", ""); return; }

@@ -251,7 +251,7 @@ class Timing {
     const t = share * this.duration, slider = part(".at");
     slider.value = share;
     slider.style.setProperty("--part", `${100 * share}%`);
-    part(".count").textContent = `${t.toFixed(2)} / ${this.duration.toFixed(2)} s`;
+    showValue(slider, part(".count"), `${t.toFixed(2)} / ${this.duration.toFixed(2)} s`);
     const full = viewer.q.slice(), { columns } = viewer.panelData.cspace;
     this.motion.q(t).forEach((v, axis) => { full[columns[axis]] = v; });
     viewer.setQ(full, "timing");

@@ -59,6 +59,12 @@ function showValue(slider, out, text) {
   out.textContent = text;
 }
 
+/** Changes a text that screen readers read out: only if it is another one, and not at each frame of an animation. */
+function announce(node, text, animated) {
+  node.setAttribute("aria-live", animated ? "off" : "polite");
+  if (node.textContent !== text) node.textContent = text;
+}
+
 /** A time [s], with more digits if it is in a short span [s]. */
 const seconds = (t, span = Infinity) => `${t.toFixed(span > 0 && span < 0.2 ? 4 : 2)} s`;
 

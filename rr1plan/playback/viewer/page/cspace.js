@@ -451,7 +451,8 @@ class Lesson {
     }
     const state = part(".state"), { text, color, ink } = words(answer);
     if (state.textContent !== text) {
-      state.textContent = state.title = text; // a long name of an obstacle is cut off
+      announce(state, text, viewer.playing || (viewer.manual && viewer.origin !== "by hand"));
+      state.title = text; // a long name of an obstacle is cut off
       Object.assign(state.style, { background: color, color: ink });
     }
     const blocked = !answer.free && !answer.edge && viewer.manual;
