@@ -464,6 +464,22 @@ def test_clearances_say_at_how_many_instants_they_were_sampled(calm: Any) -> Non
     )
 
 
+def test_paper_shows_the_curves(calm: Any) -> None:
+    """Chromium prints nothing of a canvas that is drawn while it makes the sheet."""
+    calm.ask(
+        """() => {
+        window.printed = [];
+        for (const chart of RR1.plots.charts) {
+            const { draw } = chart;
+            chart.draw = () => { window.printed.push(chart.key); draw.call(chart); };
+        }
+    }"""
+    )
+    calm.page.pdf()
+    assert calm.ask("window.printed") == []
+    calm.ask("RR1.plots.charts.forEach((chart) => delete chart.draw)")
+
+
 def test_curves_keep_their_ground_and_colors_with_forced_colors(calm: Any) -> None:
     calm.page.emulate_media(forced_colors="active", color_scheme="dark")
     color = "(node) => getComputedStyle(document.querySelector(node)).backgroundColor"

@@ -156,7 +156,7 @@ class Plots {
   /** Makes room for the card, and draws its charts at its width. */
   fit() {
     const height = this.root.offsetHeight ? this.root.offsetHeight + 10 : 0;
-    for (const chart of this.charts) if (this.open) chart.draw();
+    if (this.open) for (const chart of this.charts) chart.fit();
     if (height === this.height) return;
     this.height = height;
     find("stage").style.setProperty("--plots", `${height}px`);
@@ -247,6 +247,12 @@ class Chart {
   }
 
   // ---- drawing ---------------------------------------------------------------------------------
+
+  /** Draws again at another size. Chromium prints nothing of a canvas that is drawn while it makes the sheet. */
+  fit() {
+    const { area, back } = this, fine = fineness(), isDrawn = Boolean(this.box) && back.width === Math.round(area.clientWidth * fine);
+    if (!isDrawn || back.height !== Math.round(area.clientHeight * fine)) this.draw();
+  }
 
   draw() {
     const width = this.area.clientWidth, height = this.area.clientHeight, fine = fineness();
