@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
@@ -17,6 +18,7 @@ from rr1plan.thread_locks import per_process
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 _WIDEST = 100.0  # [inch]
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
@@ -51,6 +53,24 @@ PLAIN_TEXT: dict[str, object] = {"text.parse_math": False, "svg.hashsalt": "rr1p
 
 _LIGHT = Look("#ffffff", "#22262b", "#667080", "#e9edf1", "#c9ced6", "#d1003f")
 _DARK = Look("#161b22", "#eef1f4", "#9aa5b3", "#262d37", "#4a5361", "#ff5c86")
+
+
+def break_lines(text: Text, room: float) -> None:
+    """Break a long text into lines.
+
+    Matplotlib's own wrapping reads "$" in names as formulas.
+
+    Args:
+        text: The text, upright or along its axis.
+        room: Length of a line, as a share of the figure's.
+    """
+    figure, words = text.figure, text.get_text()
+    assert figure is not None
+    box, frame = text.get_window_extent(), figure.bbox
+    share = max(box.width / frame.width, box.height / frame.height)
+    if share > room:
+        # Lines of the same number of letters differ in length.
+        text.set_text(textwrap.fill(words, max(8, int(0.92 * len(words) * room / share))))
 
 
 def look_of(dark: bool) -> Look:

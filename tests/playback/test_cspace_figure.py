@@ -141,7 +141,7 @@ def test_what_nobody_sees_has_no_name(figures: dict[str, Figure]) -> None:
 
 def test_long_names_are_in_the_legend_inside_the_figure(planar2r: rp.Robot) -> None:
     names = [letter * 30 for letter in "abcd"] + ["e" * 200]
-    scene = rp.Scene().with_arm("arm", planar2r)
+    scene = rp.Scene(name="a long name " * 12).with_arm("arm", planar2r)
     for name, angle in zip(names, range(5), strict=True):
         scene = scene.with_obstacle(name, rp.Sphere(0.1), [np.cos(angle), np.sin(angle), 0.0])
     figure = rp.cspace(scene, resolution=24).figure()
@@ -149,6 +149,9 @@ def test_long_names_are_in_the_legend_inside_the_figure(planar2r: rp.Robot) -> N
     assert not {text.get_text() for axes in figure.axes for text in axes.texts} & set(names)
     box = figure.legends[0].get_window_extent()
     assert 0.0 <= box.x0 < box.x1 <= figure.bbox.width
+    title = next(text for text in figure.texts if text.get_text().startswith("a long name")).get_window_extent()
+    assert 0.0 <= title.x0 < title.x1 <= figure.bbox.width
+    assert title.y0 > max(axes.get_window_extent().y1 for axes in figure.axes)
 
 
 def test_a_start_outside_the_limits_is_in_the_picture() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import rr1plan as rp
 from rr1plan.playback.arm_colors import ARM_COLORS, arm_color
@@ -104,6 +106,22 @@ def diagram() -> rp.CoordinationDiagram:
     times = np.array([0.0, 3.0, 5.0, 9.0])
     places = np.array([[0.0, 0.0], [0.0, 3.0], [1.5, 3.0], [4.0, 3.0]])
     return rp.CoordinationDiagram(("a", "b"), (0, 1), blocked, lengths, undelayed, times, places)
+
+
+def test_long_names_stay_inside_the_figures(line: rp.Timeline) -> None:
+    names = ("one " * 30, "two " * 30)
+    pair = replace(diagram(), names=names).figure()
+    time_line = replace(line, name="a scene " * 30).figure()
+    for figure in (pair, time_line):
+        figure.draw_without_rendering()
+    axes = pair.axes[0]
+    named = [text for text in axes.findobj(Text) if any(word in text.get_text() for word in ("one", "two"))]
+    titles = [text for text in time_line.texts if text.get_text().startswith("a scene")]
+    assert (len(named), len(titles)) == (3, 1)
+    for text in (*named, *titles):
+        box, frame = text.get_window_extent(), text.figure.bbox
+        assert 0.0 <= box.x0 < box.x1 <= frame.x1, text
+        assert 0.0 <= box.y0 < box.y1 <= frame.y1, text
 
 
 def test_a_diagram_has_axes_in_seconds_and_in_path_length(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from rr1plan.playback.cspace.cspace_lines import place_names
 from rr1plan.playback.cspace.cspace_torus import draw_torus, drawn_layers
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
-from rr1plan.playback.figure_files import PLAIN_TEXT, drawing
+from rr1plan.playback.figure_files import PLAIN_TEXT, break_lines, drawing
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
@@ -57,7 +57,7 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
         left, right = figure.subplots(1, 2)
         obstacles, images = draw_workspace(left, cspace), draw_torus(right, cspace)
         drawn, shown = drawn_layers(cspace), set(obstacles)
-        figure.suptitle(_title(cspace), fontsize=16, color=INK)
+        break_lines(figure.suptitle(_title(cspace), fontsize=16, color=INK), 0.99)
         while True:
             # Layers without a name on their image are in the legend, and so are obstacles without any name.
             unnamed = {name for name in drawn if name not in images} | (shown - set(obstacles) - set(images))

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from rr1plan.checks import Array
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.figure_files import Look, drawing, look_of, style_of
+from rr1plan.playback.figure_files import Look, break_lines, drawing, look_of, style_of
 
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.pair_schedule import Axes, PairSchedule
@@ -144,13 +144,14 @@ def _draw_axes(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Loo
     plot.set_xlim(-across, width + across)
     plot.set_ylim(-up, height + up)
     words = "{} on its path [s without waiting]" if axes == "time" else "path of {} [rad]"
-    plot.set_xlabel(words.format(diagram.names[0]))
-    plot.set_ylabel(words.format(diagram.names[1]))
+    labels = plot.set_xlabel(words.format(diagram.names[0])), plot.set_ylabel(words.format(diagram.names[1]))
     for side, arm in (("bottom", 0), ("left", 1)):
         plot.spines[side].set(edgecolor=arm_color(diagram.numbers[arm]), linewidth=6.0)
     for side in ("top", "right"):
         plot.spines[side].set_visible(False)
-    plot.set_title(f"{diagram.names[0]} and {diagram.names[1]}, {diagram.times[-1]:.2f} s", loc="left")
+    title = plot.set_title(f"{diagram.names[0]} and {diagram.names[1]}, {diagram.times[-1]:.2f} s", loc="left")
+    for text in (*labels, title):
+        break_lines(text, 0.84)
 
 
 def _legend(diagram: PairSchedule, look: Look) -> list[Artist]:

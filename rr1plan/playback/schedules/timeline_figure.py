@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 
 from rr1plan.checks import counted
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.figure_files import Look, drawing, look_of, style_of
+from rr1plan.playback.figure_files import Look, break_lines, drawing, look_of, style_of
 
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline_rows import TimelineRows
@@ -39,7 +39,7 @@ def draw(line: TimelineRows, width: float, dark: bool) -> Figure:
             _draw_arrows(axes, line)
         _draw_conflicts(axes, line, look)
         _name_conflicts(axes, line, look)
-        figure.suptitle(_title(line), fontsize=16, color=look.ink, x=0.01, ha="left")
+        break_lines(figure.suptitle(_title(line), fontsize=16, color=look.ink, x=0.01, ha="left"), 0.98)
         figure.legend(handles=_legend(line, look), loc="outside lower left", ncols=5, frameon=False, fontsize=11.5)
     return figure
 
