@@ -44,22 +44,24 @@ def torus_image(colors: Array, pixels: int = _PIXELS) -> Array:
     tone = np.array([np.cos(_RISE), np.sin(_RISE)])
     image = np.zeros((height, pixels, 4))
     depth = np.full((height, pixels), -np.inf)
+    # On each circle around the axis the depth rises with cos(u): one order serves all circles.
+    u = u[np.argsort(np.cos(u))]
+    sine, cosine = np.sin(u), np.cos(u)
     column = np.floor((u + np.pi) / (2 * np.pi) * n).astype(int)
     for angle in v:
+        normal = np.cos(angle) * cosine * tone[0] + np.sin(angle) * tone[1]
+        k = np.flatnonzero(normal > 0.0)
         out, up = _RADIUS + _TUBE * np.cos(angle), _TUBE * np.sin(angle)
         # The camera looks along -y, from above: x to the right, `across` up in the picture, `near` towards it.
-        x, y = out * np.sin(u), -out * np.cos(u)
+        x, y = out * sine[k], -out * cosine[k]
         across, near = y * tone[1] + up * tone[0], -y * tone[0] + up * tone[1]
-        normal = np.cos(angle) * np.cos(u) * tone[0] + np.sin(angle) * tone[1]
         j = np.clip(((x / reach + 1.0) / 2.0 * pixels).astype(int), 0, pixels - 1)
         i = np.clip(((0.8 - across / reach) / 2.0 * pixels).astype(int), 0, height - 1)
-        order = np.argsort(near)
-        i, j, k = i[order], j[order], order
-        seen = (near[k] > depth[i, j]) & (normal[k] > 0.0)
+        seen = near > depth[i, j]
         i, j, k = i[seen], j[seen], k[seen]
         row = int((angle + np.pi) / (2 * np.pi) * m)
         shade = 0.55 + 0.45 * np.clip(normal[k], 0.0, 1.0)
         image[i, j, :3] = colors[row, column[k]] * shade[:, None]
         image[i, j, 3] = 1.0
-        depth[i, j] = near[k]
+        depth[i, j] = near[seen]
     return image
