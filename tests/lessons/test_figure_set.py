@@ -14,12 +14,12 @@ from rr1plan.cli import run
 def test_named_figures_are_written(tmp_path: Path) -> None:
     said: list[str] = []
     files = rp.save_figures(
-        tmp_path / "new", ["no_path", "planar2r_path"], progress=lambda progress: said.append(progress.stage)
+        tmp_path / "new", ["workspace", "planar2r_path"], progress=lambda progress: said.append(progress.stage)
     )
-    assert said == ["no_path", "planar2r_path"]
+    assert said == ["workspace", "planar2r_path"]
     assert [file.name for pair in files.values() for file in pair] == [
-        "no_path.png",
-        "no_path.svg",
+        "workspace.png",
+        "workspace.svg",
         "planar2r_path.png",
         "planar2r_path.svg",
     ]
@@ -46,5 +46,7 @@ def test_the_command_lists_its_files(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_cancelling_keeps_what_is_written(tmp_path: Path) -> None:
     with pytest.raises(rp.CancelledError, match="'planar2r_path'"):
-        rp.save_figures(tmp_path, ["no_path", "planar2r_path"], progress=lambda progress: progress.stage == "no_path")
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["no_path.png", "no_path.svg"]
+        rp.save_figures(
+            tmp_path, ["workspace", "planar2r_path"], progress=lambda progress: progress.stage != "planar2r_path"
+        )
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["workspace.png", "workspace.svg"]

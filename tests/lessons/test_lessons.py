@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import io
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,11 +53,9 @@ def test_a_lesson_has_steps_with_well_formed_text(name: str, lessons: dict[str, 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_lesson_draws_a_figure_for_slides(name: str, lessons: dict[str, rp.Lesson], tmp_path: Path) -> None:
-    png, svg = lessons[name].save_png(tmp_path / "a.png"), lessons[name].save_svg(tmp_path / "a.svg")
-    picture = np.asarray(Image.open(io.BytesIO(png.read_bytes())).convert("RGB"))
+    picture = np.asarray(Image.open(lessons[name].save_png(tmp_path / "a.png")).convert("RGB"))
     assert picture.shape[1] == 1950
     assert len(np.unique(picture @ [65536, 256, 1])) > 50
-    assert svg.read_text().rstrip().endswith("</svg>")
 
 
 def test_the_name_of_a_dark_obstacle_is_light(lessons: dict[str, rp.Lesson]) -> None:
@@ -112,8 +109,10 @@ def test_a_live_page_is_served(lessons: dict[str, rp.Lesson]) -> None:
 # ---- a teacher's own -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("joints", ["RR", "RP", "PR", "PP"])
-@pytest.mark.parametrize("name", ["workspace", "configuration_space"])
+# The script of the configuration space draws the other arms.
+@pytest.mark.parametrize(
+    ("name", "joints"), [*(("workspace", joints) for joints in ("RR", "RP", "PR", "PP")), ("configuration_space", "PR")]
+)
 def test_lessons_take_arms_that_turn_and_slide(name: str, joints: str, tmp_path: Path) -> None:
     lesson = rp.lesson(name, own_scene(joints))
     assert lesson.scene.name == "own"
