@@ -52,10 +52,8 @@ def ring(rr1: rp.Robot) -> Plan:
     return problem, result, rp.plan_graph(result)
 
 
-def _reachable(
-    graph: rp.PlanGraph, without: rp.Dependency | None = None
-) -> dict[tuple[int, int], set[tuple[int, int]]]:
-    """All predecessors of each node, by plain backward search."""
+def _before(graph: rp.PlanGraph, without: rp.Dependency | None = None) -> dict[Step, list[Step]]:
+    """The direct predecessors of each node."""
     before: dict[Step, list[Step]] = {}
     for agent, route in enumerate(graph.routes):
         for step in range(1, len(route.steps)):
@@ -64,22 +62,25 @@ def _reachable(
         if dependency is not without:
             node, after = dependency
             before[node.agent, node.step].append((after.agent, after.step))
-    found = {}
-    for node in before:
-        seen: set[Step] = set()
-        open_ = [node]
-        while open_:
-            for other in before.get(open_.pop(), ()):
-                if other not in seen:
-                    seen.add(other)
-                    open_.append(other)
-        found[node] = seen
-    return found
+    return before
+
+
+def _predecessors(before: dict[Step, list[Step]], node: Step) -> set[Step]:
+    """All predecessors of a node, by plain backward search."""
+    seen: set[Step] = set()
+    open_ = [node]
+    while open_:
+        for other in before.get(open_.pop(), ()):
+            if other not in seen:
+                seen.add(other)
+                open_.append(other)
+    return seen
 
 
 def test_every_blocked_cell_is_in_an_order_that_cannot_change(plan: Plan) -> None:
     problem, result, graph = plan
-    known = _reachable(graph)
+    before = _before(graph)
+    known = {node: _predecessors(before, node) for node in before}
     pairs = 0
     schedules = result.separated.schedules
     for i, j in pairs_in_reach(problem.scene, [schedule.arms for schedule in schedules]):
@@ -111,11 +112,13 @@ def test_the_diagrams_of_a_graph_hold_what_is_proven_without_a_margin(plan: Plan
 
 def test_no_node_comes_before_itself_and_no_dependency_follows_from_others(plan: Plan) -> None:
     _, _, graph = plan
-    assert all(node not in before for node, before in _reachable(graph).items())
-    for dependency in graph.dependencies[::3]:
+    before = _before(graph)
+    assert all(node not in _predecessors(before, node) for node in before)
+    for dependency in graph.dependencies:
         node, after = dependency
         assert node.time >= after.time
-        assert (after.agent, after.step) not in _reachable(graph, dependency)[node.agent, node.step]
+        others = _before(graph, without=dependency)
+        assert (after.agent, after.step) not in _predecessors(others, (node.agent, node.step))
 
 
 def test_the_graph_says_who_waits_for_whom(ring: Plan) -> None:
