@@ -194,8 +194,9 @@ class EveryPair:
             ]
             self._parts[name] = link, parts
         low, high = (np.clip(x, -3.0, 3.0) for x in (scene.limits(self.arms).lower, scene.limits(self.arms).upper))
-        one, two, three = (self._poses(q) for q in np.random.default_rng(0).uniform(low, high, (3, len(low))))
-        self.moves = np.array([any(_differ(one, x, a, b) for x in (two, three)) for a, b in self.pairs], bool)
+        one, two, three = map(self._relative_poses, np.random.default_rng(0).uniform(low, high, (3, len(low))))
+        #: Whether the elements of a pair move relative to each other.
+        self.moves = (np.abs([two - one, three - one]) > 1e-9).any(axis=(0, 2, 3))
         owners = [(scene.owner(a), scene.owner(b)) for a, b in self.pairs]
         #: Whether a pair has an element of a moving arm.
         self.of_moving_arms = np.array([bool({*both} & {*self.arms}) for both in owners], bool)
@@ -221,6 +222,12 @@ class EveryPair:
                     found[i] = min(found[i], coal.distance(one, A, two, B, request, result))
         return found
 
+    def _relative_poses(self, q):
+        """Poses of the second elements of all pairs relative to the first ones, shape (n, 4, 4)."""
+        poses = self._poses(q)
+        placed = np.array([[poses[a], poses[b]] for a, b in self.pairs]).reshape(-1, 2, 4, 4)
+        return np.linalg.solve(placed[:, 0], placed[:, 1])
+
     def _poses(self, q):
         poses = self.scene.link_poses(self.scene.split(np.asarray(q, float), self.arms))
         return {name: np.eye(4) if link is None else poses[link] for name, (link, _) in self._parts.items()}
@@ -228,10 +235,6 @@ class EveryPair:
 
 def _transform(T):
     return coal.Transform3s(T[:3, :3].copy(), T[:3, 3].copy())
-
-
-def _differ(one, two, a, b):
-    return not np.allclose(np.linalg.solve(one[a], one[b]), np.linalg.solve(two[a], two[b]), rtol=0, atol=1e-9)
 
 
 def _coal_solids(shape):

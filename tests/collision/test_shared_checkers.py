@@ -125,7 +125,7 @@ def test_obstacles_are_moved_between_questions_of_other_threads() -> None:
     scene = furnished()
     places = [scene.obstacles["box"].pose, rp.transforms.pose([-0.2, -0.2, 0.3])]
     both = [CollisionChecker(scene.with_obstacle_at("box", place)) for place in places]
-    points = configurations(both[0], 200)
+    points = configurations(both[0], 100)
     asked: list[Question] = [lambda c, q=q: (c.is_free(q), c.is_free_slowly(q), len(c.contacts(q))) for q in points]
     asked += [lambda c, q=q: c.edge_is_free(q, q + 0.05) for q in points]
     answers = [[plain(question(checker)) for question in asked] for checker in both]
