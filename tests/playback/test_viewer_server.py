@@ -129,7 +129,7 @@ def test_a_slow_page_gets_the_newest_configuration(viewer: Viewer, rr1_table: rp
 
 def test_many_connects_do_not_hang_the_server(viewer: Viewer) -> None:
     async def many() -> None:
-        for _ in range(30):
+        for _ in range(12):
             await asyncio.gather(*(listen(viewer, 0) for _ in range(20)))
 
     asyncio.run(many())
