@@ -52,8 +52,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_no_link_is_broken(site: Path) -> None:
-    pages = {file.resolve(): Page(file) for file in site.rglob("*.html")}
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, Page]:
+    """All pages of the site."""
+    return {file.resolve(): Page(file) for file in site.rglob("*.html")}
+
+
+def test_no_link_is_broken(site: Path, pages: dict[Path, Page]) -> None:
     assert len(pages) > 40
     broken, checked = [], 0
     for file, page in pages.items():
@@ -69,8 +74,8 @@ def test_no_link_is_broken(site: Path) -> None:
     assert checked > 1000
 
 
-def test_all_pictures_have_a_text_alternative(site: Path) -> None:
-    assert {picture for file in site.rglob("*.html") for picture in Page(file).unnamed} == set()
+def test_all_pictures_have_a_text_alternative(pages: dict[Path, Page]) -> None:
+    assert {picture for page in pages.values() for picture in page.unnamed} == set()
 
 
 def test_the_reference_has_every_public_name(site: Path) -> None:
