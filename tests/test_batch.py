@@ -33,7 +33,7 @@ class DaskLikeClient:
 
 
 class ShutDownAfterOne(ThreadPoolExecutor):
-    """Is shut down when the second task is submitted, by which it cancels tasks that have not begun."""
+    """An executor that is shut down at its second task, which cancels tasks that have not begun."""
 
     def submit(self, function, /, *arguments, **settings):
         if not self.begun.is_set():

@@ -93,7 +93,7 @@ static int groups_are_apart(int64_t a, int64_t b, const CrossGroups *pair, int q
     return 1;
 }
 
-// Move the pairs of groups that balls and boxes do not prove apart in two nodes to the front. Returns their number.
+// Move the pairs of groups whose balls and boxes may touch in two nodes to the front. Returns their number.
 static int64_t sort_near_groups(int64_t a, int64_t b, int64_t *open, int64_t count, Coordination *of) {
     const PlacedPath *one = of->one, *two = of->two;
     int64_t near = 0;

@@ -365,8 +365,8 @@ def _swelling(mesh: Mesh, pieces: list[Mesh], closed: bool) -> float:
     step = _size(mesh.vertices) / _SAMPLES_PER_SIZE
     samples = np.concatenate([_cut(piece.vertices[piece.faces], step).mean(axis=1) for piece in pieces])
     # Long thin triangles are cut into many more small ones than needed.
-    _, apart = np.unique(np.floor(2.0 * samples / step), axis=0, return_index=True)
-    samples = samples[apart]
+    _, first = np.unique(np.floor(2.0 * samples / step), axis=0, return_index=True)
+    samples = samples[first]
     distance = _distances(mesh, samples, step)
     order = np.argsort(-distance)
     for some in np.array_split(order, 1 + len(order) * len(mesh.faces) // 1_000_000):
