@@ -348,15 +348,15 @@ def resolved_path(value: object) -> Path:
         raise InputError(f"{path} is in a working folder that is no longer there") from error
 
 
-def known_name(kind: str, name: str, known: Iterable[str]) -> str:
+def known_name(kind: str, name: str, known: Iterable[str], advice: str = "") -> str:
     """`name`, if it is one of `known`.
 
     Raises:
-        UnknownNameError: it is not; the message suggests similar names.
+        UnknownNameError: it is not; the message suggests similar names and gives the advice, a sentence.
     """
     names = tuple(known)
     if not isinstance(name, str) or name not in names:
-        raise UnknownNameError(kind, name, names)
+        raise UnknownNameError(kind, name, names, advice)
     return name
 
 

@@ -507,7 +507,7 @@ def test_lessons_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> N
         (["wrkspace"], "Did you mean 'workspace'"),
         (["workspace", "--query", "no_way"], "--query has no effect without --scene"),
         (["workspace", "--html", "a.html", "--port", "80"], "--port has no effect with --html"),
-        (["workspace", "--figure", "a.pdf"], "does not end in .png or .svg"),
+        (["workspace", "--figure", "a.gif"], "does not end in .png or .svg or .pdf"),
         (["workspace", "--scene", "rr1_table", "--figure", "a.png"], "needs an arm of two joints"),
         (["no_path", "--scene", "planar2r_no_path", "--figure", "a.png"], "(on the command line: --query)"),
     ],

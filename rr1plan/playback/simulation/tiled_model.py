@@ -9,8 +9,7 @@ from contextvars import copy_context
 
 import numpy as np
 
-from rr1plan.checks import Array
-from rr1plan.errors import UnknownNameError
+from rr1plan.checks import Array, known_name
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import Solver, build_mujoco
@@ -103,9 +102,7 @@ class TiledModel:
         Raises:
             UnknownNameError: no such loose body.
         """
-        if name not in self.body_names:
-            advice = "An obstacle with a mass is a loose body."
-            raise UnknownNameError("loose body", name, self.body_names, advice)
+        known_name("loose body", name, self.body_names, "An obstacle with a mass is a loose body.")
         return next(tile for tile in self.tiles if name in tile.bodies)
 
     # ---- state -----------------------------------------------------------------------------------
