@@ -14,7 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
 
 # Slower bodies, which move less than this share of half their thickness per step, are stopped by contacts.
-_SHARE = 0.25
+_SLOW = 0.25
 
 
 class FastBodies:
@@ -29,7 +29,7 @@ class FastBodies:
         model, first = world.model, len(world.joint_names)
         self._elements, self._names = world.geom_elements, world.body_names
         self._bodies = [int(model.jnt_bodyid[first + i]) for i in range(len(self._names))]
-        self._slow = np.array([_SHARE * _half_thickness(model, body) for body in self._bodies])
+        self._half = np.array([_half_thickness(model, body) for body in self._bodies])
         self._rates = data.qvel[first:].reshape(-1, 6)[:, :3]
 
     def passages(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[str, str], float]:
@@ -42,9 +42,14 @@ class FastBodies:
         Returns:
             The distances that they moved in this step [m].
         """
-        dt, found = model.opt.timestep, {}
-        speeds = np.abs(self._rates).max(axis=1)
-        for i in np.flatnonzero(dt * speeds > self._slow).tolist():
+        dt, found = model.opt.timestep, dict[tuple[str, str], float]()
+        moved = dt * np.abs(self._rates).max(axis=1)
+        fast = moved > _SLOW * self._half
+        if not fast.any():
+            return found
+        # The center of a body enters another one only if the bodies touch, unless it moves by half its thickness.
+        touches = np.isin(self._bodies, model.geom_bodyid[data.contact.geom])
+        for i in np.flatnonzero(fast & (touches | (moved > self._half))).tolist():
             velocity, body = np.empty(6), self._bodies[i]
             mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
             geom = _entered(model, data, body, dt * velocity[3:])
