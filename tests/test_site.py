@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -91,8 +92,8 @@ def test_all_pages_of_the_documentation_are_in_the_site(site: Path) -> None:
     assert {page for page in written if not (site / page).is_file()} == set()
     # The site and the pages of motions have the same icon.
     assert any(link.endswith("site.svg") for link in Page(site / "index.html").links)
-    icon = page_html(view_document(rp.Scene())).split('<link rel="icon" href="data:image/svg+xml,')[1].split('"')[0]
-    assert unquote(icon).replace("'", '"') == (DOCS / "site.svg").read_text(encoding="utf-8").strip()
+    icon = page_html(view_document(rp.Scene())).split('<link rel="icon" href="data:image/svg+xml;base64,')[1]
+    assert base64.b64decode(icon.split('"')[0]) == (DOCS / "site.svg").read_bytes().strip()
 
 
 @pytest.mark.browser
