@@ -177,6 +177,29 @@ def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
     np.testing.assert_allclose(frame.evaluate("Array.from(RR1.q)")[0], 0.5)
 
 
+# Waits end after a twentieth of their time, and the page is busy for longer than the first answer may take.
+BUSY = """
+const usual = setTimeout; setTimeout = (act, delay) => usual(act, delay / 20);
+const Usual = WebSocket; let busy = true;
+WebSocket = class extends Usual {
+  constructor(...wanted) {
+    super(...wanted);
+    if (busy) usual(() => { const end = performance.now() + 1000; while (performance.now() < end); }, 0);
+    busy = false;
+  }
+};
+"""
+
+
+def test_a_page_in_a_notebook_that_was_busy_tries_again(tab: Any, flat: rp.Scene, tmp_path: Path) -> None:
+    with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        notebook = tmp_path / "notebook.html"
+        notebook.write_text(f"<!DOCTYPE html>{viewer._repr_html_()}")
+        tab.page.add_init_script(BUSY)
+        tab.page.goto(notebook.as_uri())
+        wait_until(tab.page.frames[1], CONNECTED)
+
+
 class ForeignSocket(WebSocketHandler):
     """Accepts every page, and sends a message that pages of this package would obey."""
 

@@ -4,6 +4,7 @@ const AGAIN = 1000; // [ms] between attempts to reach the program
 const ANSWER_TIME = 10000; // [ms] for an answer: another program at the address may accept connections and never answer
 const PROTOCOL = "rr1plan"; // browsers reject a server that does not select it, such as one of another program at the port
 const TRIES = 30; // attempts of a page elsewhere, e.g. in a notebook, whose program may never return
+const FIRST_TRIES = 3; // attempts of a page elsewhere to which nothing has answered yet
 
 class Live {
   /** access: token, version of the document, and the address of updates for a page served from elsewhere. */
@@ -24,7 +25,11 @@ class Live {
     const { token, address } = this.access, query = new URLSearchParams({ version: this.version, token });
     const own = `${location.protocol.replace("http", "ws")}//${location.host}${location.pathname}updates`;
     const socket = (this.socket = new WebSocket(`${address || own}?${query}`, PROTOCOL));
-    const expiry = setTimeout(() => socket.close(), ANSWER_TIME);
+    let isLate = false;
+    const expiry = setTimeout(() => {
+      isLate = true;
+      socket.close();
+    }, ANSWER_TIME);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       clearTimeout(expiry);
@@ -36,14 +41,19 @@ class Live {
     socket.onmessage = (message) => this.take(message.data);
     socket.onclose = () => {
       clearTimeout(expiry);
-      this.lost();
+      this.lost(isLate);
     };
   }
 
   /** Reconnects; a page elsewhere that never reached the program remains static, e.g. in exported notebooks. */
-  lost() {
-    if (this.ended || (this.access.address && !this.reached)) return;
+  lost(isLate) {
+    if (this.ended) return;
     this.tries += 1;
+    if (this.access.address && !this.reached) {
+      // A program that is gone is noticed at once; a late answer may be due to a busy browser.
+      if (isLate && this.tries < FIRST_TRIES) setTimeout(() => this.connect(), AGAIN);
+      return;
+    }
     if (this.access.address && this.tries > TRIES) {
       this.end();
       return;
