@@ -194,6 +194,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline import timeline as timeline
     from rr1plan.playback.search_trees import DrawnTree as DrawnTree
     from rr1plan.playback.simulation.arm_variation import ArmVariation as ArmVariation
+    from rr1plan.playback.simulation.contact_points import ContactPoint as ContactPoint
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
     from rr1plan.playback.simulation.controllers import ForwardVelocityController as ForwardVelocityController
@@ -412,6 +413,7 @@ _EXPORTS = {
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
     "rr1plan.playback.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
+    "rr1plan.playback.simulation.contact_points": ("ContactPoint",),
     "rr1plan.playback.simulation.controllers": (
         "Controller",
         "ForwardPositionController",

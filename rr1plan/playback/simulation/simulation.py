@@ -42,6 +42,7 @@ from rr1plan.errors import BackendError, InputError
 from rr1plan.path import check_joint_names
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
+from rr1plan.playback.simulation.contact_points import ContactPoint, elements_of
 from rr1plan.playback.simulation.controllers import Controller, JointState
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import Solver, usual_stiffness
@@ -235,6 +236,29 @@ class Simulation:
         """Contacts since the beginning that the scene does not allow, in order of time."""
         return self._contacts.intervals()
 
+    @exclusive
+    def contact_points(self, name: str | None = None) -> tuple[ContactPoint, ...]:
+        """Where elements touch in the present state, allowed or not, with the forces between them.
+
+            weight = sum(point.force for point in sim.contact_points("cube"))  # what carries the cube [N]
+
+        The forces are those that follow from the present state and the set-points of the last step.
+
+        Args:
+            name: An obstacle, loose body, attached object or link "arm/link", or an arm for all of its links and what
+                it holds (default: all contacts). It is the second of each pair, so that forces act on it; pairs that
+                belong to it as a whole, and those without a name, are in alphabetical order.
+
+        Raises:
+            UnknownNameError: no such element or arm.
+        """
+        points = [point for tile in self.tiles for point in tile.contact_points()]
+        if name is None:
+            return tuple(points)
+        elements = elements_of(self.scene, name)
+        points = [point for point in points if not elements.isdisjoint(point.pair)]
+        return tuple(point if point.pair[1] in elements else point.turned() for point in points)
+
     @property
     @exclusive
     def warnings(self) -> tuple[str, ...]:
@@ -264,7 +288,9 @@ class Simulation:
     def data(self) -> mujoco.MjData:
         """MuJoCo's data; change it between steps only.
 
-        From then on MuJoCo computes all steps of this model on one thread, because forces and states may be changed.
+        Positions and contacts in it are those of the present state, forces those of the step that led there; for forces
+        of the present contacts see `contact_points`. From then on MuJoCo computes all steps of this model on one
+        thread, because forces and states may be changed.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.

@@ -19,6 +19,7 @@ from rr1plan.errors import InputError
 from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
 from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
+from rr1plan.playback.simulation.contact_points import ContactPoint, contact_points
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.fast_bodies import FastBodies
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
@@ -79,6 +80,7 @@ class SteppedModel:
         self._torque, self._accelerations = np.zeros((2, self.model.nv))
         self._alarms = data.warning.number
         self._searching = True
+        self._forward: mujoco.MjData | None = None
         self._option = self.model.opt
         self._solver_options = self._read_solver_options()
 
@@ -92,10 +94,24 @@ class SteppedModel:
         self._solver_options = self._read_solver_options()
         mujoco.mj_step1(self.model, self.data)
 
+    def forward(self) -> mujoco.MjData:
+        """A copy of the data with the accelerations and forces of the present state, valid until the next call."""
+        self._follow_solver_options()
+        if self._forward is None:
+            self._forward = mujoco.MjData(self.model)
+        mujoco.mj_copyData(self._forward, self.model, self.data)
+        mujoco.mj_forwardSkip(self.model, self._forward, mujoco.mjtStage.mjSTAGE_VEL, 1)
+        return self._forward
+
     def _read_solver_options(self) -> tuple[int, ...]:
         """The options that determine which matrices of contacts MuJoCo computes, and how it stores them."""
         option = self._option
         return option.solver, option.noslip_iterations, option.jacobian, option.cone
+
+    def _follow_solver_options(self) -> None:
+        """Refresh after a change of these options: MuJoCo terminates the process if one of the matrices is missing."""
+        if self._read_solver_options() != self._solver_options:
+            self.refresh()
 
     def advance(self, desired: Array) -> None:
         """Take a step from a refreshed state.
@@ -105,9 +121,7 @@ class SteppedModel:
                 add, shape (4, n).
         """
         control, joints, columns = self._control, self.joints, self.columns
-        if self._read_solver_options() != self._solver_options:
-            # MuJoCo's matrices of contacts depend on them; it terminates the process if one is missing.
-            self.refresh()
+        self._follow_solver_options()
         if self._described is not self.data:
             self._describe()
         self._accelerations[:joints] = desired[2, columns]
@@ -370,6 +384,11 @@ class Tile:
         """Position and quaternion (7,) and velocities (6,) of a loose body, views; angular velocity in body axes."""
         data, joints, i = self._mujoco.data, self._mujoco.joints, self.bodies[name]
         return data.qpos[joints + 7 * i :][:7], data.qvel[joints + 6 * i :][:6]
+
+    def contact_points(self) -> list[ContactPoint]:
+        """The contacts of the present state."""
+        mine = self._mujoco
+        return contact_points(self.world, mine.model, mine.forward()) if mine.data.ncon and not self.proven else []
 
     def log_contacts(self, log: ContactLog, time: float) -> None:
         """Add the contacts of the present state, and passages of loose bodies in the last step, to a log."""
