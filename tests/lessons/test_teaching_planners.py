@@ -195,3 +195,16 @@ def test_questions_that_the_planners_do_not_take(problem: rp.Problem) -> None:
     assert not record.found
     assert record.path is None
     assert record.cost == np.inf
+
+
+def test_a_step_that_one_connection_could_not_end_is_refused(problem: rp.Problem) -> None:
+    for name in ("RRT", "RRT-Connect", "RRT*"):
+        with pytest.raises(rp.InputError, match=r"step is 1e-09, expected at least 0\.001"):
+            GROW[name](problem, step=1e-9)
+
+
+def test_a_roadmap_joins_a_start_and_a_goal_that_are_close() -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    record = rp.grow_prm(rp.Problem(scene, [0.1, 0.2], [1.0, 0.2]), samples=1)
+    assert record.cost == pytest.approx(0.9)
+    assert record.edges_checked[0] == 1

@@ -10,7 +10,7 @@ import heapq
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, positive_number, whole_number
+from rr1plan.checks import Array, Seed, as_generator, positive_number, whole_number
 from rr1plan.lessons.search.search_record import BLOCKED, EDGE, SAMPLE, SearchRecord, SearchRecorder
 from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
@@ -37,9 +37,23 @@ def grow_prm(
     longest, samples = positive_number("longest", longest), whole_number("samples", samples, 1, 5000)
     space, generator = SearchSpace(problem), as_generator(rng)
     note = SearchRecorder("PRM", space)
-    graph: list[dict[int, float]] = [{}, {}]
-    note.add_vertex(space.start)
-    note.add_vertex(space.goal, side=1)
+    graph: list[dict[int, float]] = []
+
+    def connect(q: Array, side: int = 0) -> None:
+        """Add a vertex, and edges to its nearest neighbors."""
+        distances = space.distance(np.array(note.vertices), q) if graph else np.zeros(0)
+        new = note.add_vertex(q, side=side)
+        graph.append({})
+        for v in np.argsort(distances, kind="stable")[:neighbors].tolist():
+            if distances[v] <= longest and note.edge_is_free(v, q):
+                note.add(EDGE, new, v)
+                graph[new][v] = graph[v][new] = float(distances[v])
+        chain = _shortest(graph, 0, 1) if len(graph) > 1 else []
+        if chain:
+            note.add_path(chain)
+
+    connect(space.start)
+    connect(space.goal, side=1)
     note.step()
     for _ in range(samples):
         q = space.sample(generator)
@@ -48,16 +62,7 @@ def grow_prm(
             note.add(BLOCKED, point=q)
             note.step()
             continue
-        distances = space.distance(np.array(note.vertices), q)
-        new = note.add_vertex(q)
-        graph.append({})
-        for v in np.argsort(distances, kind="stable")[:neighbors].tolist():
-            if distances[v] <= longest and note.edge_is_free(v, q):
-                note.add(EDGE, new, v)
-                graph[new][v] = graph[v][new] = float(distances[v])
-        chain = _shortest(graph, 0, 1)
-        if chain:
-            note.add_path(chain)
+        connect(q)
         note.step()
     return note.record()
 

@@ -7,6 +7,8 @@ Karaman, Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR
 
 from __future__ import annotations
 
+from math import gamma
+
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, finite_number, positive_number, whole_number
@@ -16,6 +18,7 @@ from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
 _MOST_SAMPLES = 20_000
+_SHORTEST_STEP = 1e-3  # one connection of RRT-Connect has as many vertices as steps
 
 
 class _Tree:
@@ -154,10 +157,11 @@ def grow_rrt_star(
     note = SearchRecorder("RRT*", space)
     tree, costs = _Tree(note, space.start), {0: 0.0}
     goal = -1
-    # The constant of Karaman and Frazzoli, theorem 38, in two dimensions, with the whole space instead of its free
-    # part.
-    area, dimension = float(np.prod(space.upper - space.lower)), len(space.start)
-    constant = 2.0 * ((1.0 + 1.0 / dimension) * area / np.pi) ** (1.0 / dimension)
+    # The constant of Karaman and Frazzoli, theorem 38, with the volume of the whole space instead of its free part, and
+    # that of the unit ball.
+    volume, dimension = float(np.prod(space.upper - space.lower)), len(space.start)
+    ball = np.pi ** (dimension / 2.0) / gamma(dimension / 2.0 + 1.0)
+    constant = 2.0 * ((1.0 + 1.0 / dimension) * volume / ball) ** (1.0 / dimension)
     note.step()
     for _ in range(samples):
         q = space.goal if goal < 0 and generator.random() < bias else space.sample(generator)
@@ -218,6 +222,8 @@ def _checked(
 ) -> tuple[SearchSpace, float, int, np.random.Generator]:
     """Check the arguments common to all planners."""
     step = positive_number("step", step)
+    if step < _SHORTEST_STEP:
+        raise InputError(f"step is {step:g}, expected at least {_SHORTEST_STEP:g} rad or m")
     samples = whole_number("samples", samples, 1, _MOST_SAMPLES)
     return SearchSpace(problem), step, samples, as_generator(rng)
 
