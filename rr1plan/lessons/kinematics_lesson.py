@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 _CELLS = 120  # of the map of |det J|, along each joint
 # Colors of the x and y axes of frames, and of the velocity and force ellipses; safe for red-green color blindness.
 X_AXIS, Y_AXIS, VELOCITY, FORCE = "#d55e00", "#0072b2", "#a3428f", "#00805c"
-SPEED, PULL = 0.25, 0.1  # lengths on the picture of 1 m/s [m] and of 1 N [m]
+# On the picture of an arm with this reach [m]: lengths of 1 m/s [m] and of 1 N [m].
+REACH, SPEED, PULL = 1.7, 0.25, 0.1
 
 
 class KinematicsLesson(Lesson):
@@ -46,6 +47,29 @@ class KinematicsLesson(Lesson):
         self.table = dh_table(self.robot)
         self.picture = cspace(scene)
         self.steps = _steps(self)
+
+    @property
+    def is_standard(self) -> bool:
+        """Whether the second angle of an RR arm is that between its links, both joints turning counter-clockwise."""
+        first, second = self.flat.bars
+        return self.flat.senses == (1.0, 1.0) and abs((second / first).imag) < 1e-9 and (second / first).real > 0.0
+
+    @property
+    def nearly_singular(self) -> tuple[float, float]:
+        """An RR arm's configuration with the first joint as in the scene, nearly stretched if the limits allow it."""
+        limits, (first, second) = self.robot.limits, self.flat.bars
+        bend = self.flat.senses[1] * (0.02 - float(np.angle(second / first)))
+        return float(self.scene.arms[self.arm_name].q[0]), float(np.clip(bend, limits.lower[1], limits.upper[1]))
+
+    def scales(self) -> tuple[float, float, tuple[float, float]]:
+        """Lengths on the picture: of velocities per singular value, of forces per reciprocal one, and of columns of J.
+
+        All are proportional to the arm's reach, whether the columns of J are (revolute joints) or not.
+        """
+        size = sum(abs(bar) for bar in self.flat.bars) / REACH or 1.0
+        turning = self.flat.kinds == "RR"
+        first, second = (2.0 * SPEED * (1.0 if kind == "R" else size) for kind in self.flat.kinds)
+        return SPEED * (1.0 if turning else size), PULL * (size**2 if turning else size), (first, second)
 
     def determinant(self, q: Array) -> Array:
         """The determinant of J at configurations (..., 2), from the tool's motion in the plane."""
@@ -95,7 +119,7 @@ class KinematicsLesson(Lesson):
                 "slides": [[way.real, way.imag] for way in self.flat.slides],
             },
             "colors": {"x": X_AXIS, "y": Y_AXIS, "velocity": VELOCITY, "force": FORCE},
-            "scales": [SPEED, PULL],
+            "scales": self.scales(),
         }
 
     # ---- the figure ----------------------------------------------------------------------
@@ -143,27 +167,32 @@ class KinematicsLesson(Lesson):
             turn = -1.4 - 0.15 * k if self.flat.kinds == "RR" else 0.0
             self._draw_ellipse(axes, Drawn, at + np.array([turn, 0.0]), faint=True)
         self._draw_ellipse(axes, Drawn, q, faint=False)
-        reach = 1.12 * sum(abs(bar) for bar in self.flat.bars)
-        x, y = base[:2, 3]
-        axes.set(
-            aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(x - reach, x + reach), ylim=(y - reach, y + reach)
-        )
+        # A margin around all points that the tool reaches.
+        low, high = (edge(self._tool_places(), axis=0) for edge in (np.min, np.max))
+        low, high = 0.5 * (low + high) - 0.56 * (high - low), 0.5 * (low + high) + 0.56 * (high - low)
+        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_title("frames, both solutions, ellipses", loc="left")
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(loc="upper left", fontsize=11, frameon=False)
+
+    def _tool_places(self) -> Array:
+        """Positions of the tool in a grid over the configuration space [m], shape (k, 2)."""
+        samples = [np.linspace(centers[0], centers[-1], 61) for centers in self.picture.grid.axes]
+        return self.flat.points(np.stack(np.meshgrid(*samples), axis=-1).reshape(-1, 2))[:, 2]
 
     def _draw_ellipse(self, axes: Axes, drawn: Any, q: Array, faint: bool) -> None:
         tip = self.flat.points(q)[2]
         base = self.scene.arms[self.arm_name].base[:3, :3]
         found = ellipses((base @ tool_jacobian(self.robot, q))[:2])
         angle = float(np.degrees(np.arctan2(found.directions[1, 0], found.directions[0, 0])))
-        kinds = [(found.velocity, SPEED, VELOCITY, "velocity ellipse", "-")]
+        speed, pull, _ = self.scales()
+        kinds = [(found.velocity, speed, VELOCITY, "velocity ellipse", "-")]
         if not faint:
-            kinds.append((found.force, PULL, FORCE, "force ellipse", "--"))
+            kinds.append((found.force, pull, FORCE, "force ellipse", "--"))
         else:
             axes.plot(*self.flat.points(q).T, "-", color="#c9ced6", lw=1.5, zorder=0)
         for sizes, scale, color, label, line in kinds:
-            sizes = np.minimum(sizes * scale, 2.0)
+            sizes = np.minimum(sizes * scale, 1.2 * (sum(abs(bar) for bar in self.flat.bars) or REACH))
             patch = drawn(tuple(tip), 2 * sizes[0], 2 * sizes[1], angle=angle, fill=False, edgecolor=color, ls=line)
             patch.set(linewidth=1.2 if faint else 2.4, alpha=0.7 if faint else 1.0, label=None if faint else label)
             axes.add_patch(patch)
@@ -173,7 +202,9 @@ class KinematicsLesson(Lesson):
         grid = self.picture.grid
         extent = [edge for c in grid.axes for edge in (1.5 * c[0] - 0.5 * c[1], 1.5 * c[-1] - 0.5 * c[-2])]
         values, curves = self.map()
-        image = axes.imshow(np.abs(values).T, origin="lower", extent=tuple(extent), cmap="cividis", aspect="auto")
+        image = axes.imshow(
+            np.abs(values).T, origin="lower", extent=tuple(extent), cmap="cividis", aspect="auto", vmin=0.0
+        )
         for k, curve in enumerate(curves):
             axes.plot(*curve.T, color="white", lw=5)
             axes.plot(*curve.T, color="#d55e00", lw=2.4, ls="--", label=None if k else "singular: det J = 0")
@@ -182,7 +213,8 @@ class KinematicsLesson(Lesson):
         for axis, name, turns in zip((axes.xaxis, axes.yaxis), grid.joint_names, grid.turns, strict=True):
             axis.set_label_text(f"{name} [{'rad' if turns else 'm'}]")
         axes.set_box_aspect(1.0)
-        axes.set_title("manipulability |det J|", loc="left")
+        unit = ("", " [m]", " [m²]")[self.flat.kinds.count("R")]
+        axes.set_title(f"manipulability |det J|{unit}", loc="left")
         if curves:
             axes.legend(loc="upper right", fontsize=11)
         figure.colorbar(image, ax=axes, shrink=0.75)
@@ -211,43 +243,90 @@ def _dh_rows(table: DhTable) -> str:
     cells = ""
     for k, row in enumerate(table.rows, 1):
         own = "d" if row.slides else "θ"
-        offset = f"{np.degrees(row.theta):.0f}°"
-        turned = "" if abs(row.theta) < 1e-9 else f" + {offset}"
-        theta = offset if row.slides else f"θ<sub>{k}</sub>{turned}"
-        d = f"d<sub>{k}</sub>" + f" + {row.d:g}" * (abs(row.d) > 1e-9) if row.slides else f"{row.d:.3g}"
+        turned, moved, alpha = np.degrees(row.theta), row.d, f"{np.degrees(row.alpha):z.0f}".replace("-", "−")
+        theta = f"{turned:z.0f}°".replace("-", "−") if row.slides else f"θ<sub>{k}</sub>{_offset(turned, '°')}"
+        d = f"d<sub>{k}</sub>{_offset(moved, ' m')}" if row.slides else f"{moved:z.3g} m"
         cells += (
-            f"<tr><td>{k}</td><td>{row.a:.3g} m</td><td>{np.degrees(row.alpha):.0f}°</td><td>{d}</td><td>{theta}</td>"
+            f"<tr><td>{k}</td><td>{row.a:z.3g} m</td><td>{alpha}°</td><td>{d}</td><td>{theta}</td>"
             f'<td>{own}<sub>{k}</sub> = <span data-live="q{k - 1}"></span></td></tr>'
         )
     return "<table><tr><th>joint</th><th>a</th><th>α</th><th>d</th><th>θ</th><th>now</th></tr>" + cells + "</table>"
 
 
+def _offset(value: float, unit: str) -> str:
+    """A constant behind a variable, with its sign: " + 90°"; nothing for zero."""
+    return "" if abs(value) < 1e-9 else f" {'−' if value < 0.0 else '+'} {abs(value):.3g}{unit}"
+
+
+def _inverse(lesson: KinematicsLesson) -> str:
+    place = """<p>Tool at (<span data-live="x"></span>, <span data-live="y"></span>): solution 1 at
+        <span data-live="one"></span>, solution 2 at <span data-live="two"></span>. Press E to switch; drag the tool to
+        a boundary and see them coincide.</p>"""
+    first, second = (abs(bar) for bar in lesson.flat.bars)
+    match lesson.flat.kinds:
+        case "RR":
+            bend = "θ<sub>2</sub>" if lesson.is_standard else "β"
+            between = "" if lesson.is_standard else " β between the two links"
+            middle = "" if first != second else " At the base itself every angle of the first link is a solution."
+            return f"""<p>For a point (x, y) at the distance r from the base, the law of cosines gives the
+            bend{between}, cos {bend} = (r² − {first:g}² − {second:g}²) / (2 · {first:g} · {second:g}), and its sign is
+            free: <b>two solutions</b>, the arm and its faint twin, ● and ○ in the configuration space. One on the
+            boundaries, none beyond them.{middle}</p>{place}"""
+        case "PP":
+            return """<p>Which joint values put the tool at a point (x, y)? Each coordinate belongs to one joint: the
+            equations are linear and have <b>one solution</b>. Tool at (<span data-live="x"></span>, <span
+            data-live="y"></span>), joints at <span data-live="one"></span>.</p>"""
+        case _:
+            return f"""<p>Which joint values put the tool at a point (x, y)? The equations are quadratic and have two
+            solutions. The arm’s faint twin is the other one, if it is within the limits of the sliding
+            joint.</p>{place}"""
+
+
+def _columns(kinds: str) -> str:
+    turning = "perpendicular to the line from joint to tool, and as long as this line"
+    match kinds:
+        case "RR":
+            return f"at 1 rad/s: {turning}"
+        case "PP":
+            return "at 1 m/s: the direction of its axis, of length 1"
+        case _:
+            return (
+                f"at 1 rad/s or 1 m/s. That of the revolute joint is {turning}; that of the prismatic one is its axis"
+            )
+
+
+def _where(lesson: KinematicsLesson) -> str:
+    """Where the determinant of the Jacobian is zero."""
+    now = '<b><span data-live="det"></span></b>'
+    first, second = (abs(bar) for bar in lesson.flat.bars)
+    match lesson.flat.kinds:
+        case "RR":
+            formula, lines = (
+                f"det J = {first:g} · {second:g} · sin θ<sub>2</sub>, now {now}: zero",
+                "θ<sub>2</sub> = 0 and ±π",
+            )
+            if not lesson.is_standard:
+                formula, lines = f"det J is now {now}: zero", "of the two elbow angles"
+            return f"""<p>{formula} where the arm is <b>stretched or folded</b>: the dashed lines {lines} on the right,
+            the two boundaries of the annulus on the left. They split the square into elbow-left and elbow-right: to
+            change the elbow, the arm has to pass a singularity.</p>"""
+        case "RP":
+            size = now.replace("det", "w")
+            return f"""<p>|det J| is the length of sleeve and rod from the base to the tool, now {size}: zero only where
+            the tool would be nearest to the base. A dashed line shows it in the configuration space, if the rod
+            retracts that far.</p>"""
+        case "PR":
+            return f"""<p>det J is now {now}: zero where the link is at a <b>right angle to the rail</b>, on the dashed
+            lines. The tool is then as far from the rail as it gets, and the two solutions coincide.</p>"""
+        case _:
+            return f"""<p>det J is {now} everywhere: this arm has no singularities.</p>"""
+
+
 def _steps(lesson: KinematicsLesson) -> tuple[LessonStep, ...]:
     q = tuple(float(v) for v in lesson.scene.arms[lesson.arm_name].q)
-    revolute = lesson.flat.kinds == "RR"
-    first, second = (abs(bar) for bar in lesson.flat.bars)
-
-    inverse = (
-        f"""<p>For a point (x, y) at the distance r, the law of cosines gives the bend of the elbow,
-        cos θ<sub>2</sub> = (r² − {first:g}² − {second:g}²) / (2 · {first:g} · {second:g}), and its sign is free:
-        <b>two solutions</b>, the arm and its faint twin, ● and ○ in the configuration space. One on the boundaries,
-        none outside.</p><p>Tool at (<span data-live="x"></span>, <span data-live="y"></span>): elbow 1 at
-        <span data-live="one"></span>, elbow 2 at <span data-live="two"></span>. Press E to switch; drag the tool to a
-        boundary and see them coincide.</p>"""
-        if revolute
-        else """<p>Given a point (x, y), which joint values put the tool there? The arm’s faint twin is the other
-        solution, where there is one. Tool at (<span data-live="x"></span>, <span data-live="y"></span>): solution 1
-        at <span data-live="one"></span>, solution 2 at <span data-live="two"></span>.</p>"""
-    )
-    where = (
-        f"""<p>det J = {first:g} · {second:g} · sin θ<sub>2</sub>, now <b><span data-live="det"></span></b>: zero where
-        the arm is <b>stretched or folded</b>: the dashed lines θ<sub>2</sub> = 0 and ±π on the right, the two
-        boundaries of the annulus on the left. They split the square into elbow-left and elbow-right: to change the
-        elbow, the arm has to pass a singularity.</p>"""
-        if revolute
-        else """<p>det J is now <b><span data-live="det"></span></b>. It is zero on the dashed lines of the
-        configuration space, if there are any; the tool is then on the boundary of its reachable region.</p>"""
-    )
+    kinds = lesson.flat.kinds
+    inverse, where = _inverse(lesson), _where(lesson)
+    unit = {"RR": "1 rad/s", "PP": "1 m/s"}.get(kinds, "1 (rad/s and m/s)")
     rows = (
         (
             "transforms",
@@ -263,33 +342,34 @@ def _steps(lesson: KinematicsLesson) -> tuple[LessonStep, ...]:
             f"""{_dh_rows(lesson.table)}<p>Denavit and Hartenberg put z along the joint axes and x along their
             common normals; then four numbers describe a link: <b>a</b> along the normal, <b>α</b> about it,
             <b>d</b> along the axis, <b>θ</b> about it. One of them is the joint’s variable, and A =
-            Rot<sub>z</sub>(θ) Trans<sub>z</sub>(d) Trans<sub>x</sub>(a) Rot<sub>x</sub>(α).</p>""",
+            Rot<sub>z</sub>(θ) Trans<sub>z</sub>(d) Trans<sub>x</sub>(a) Rot<sub>x</sub>(α). (Standard convention, as
+            in Siciliano; Craig and Lynch, Park count a and α from the joint before.)</p>""",
         ),
-        ("inverse", "Inverse kinematics: both elbows" if revolute else "Inverse kinematics", inverse),
+        ("inverse", "Inverse kinematics: both elbows" if kinds == "RR" else "Inverse kinematics", inverse),
         (
             "jacobian",
             "The Jacobian",
             f"""{math(matrix((_dot("x"),), (_dot("y"),)), "=", _live("J", 2), _dot("q"), block=True)}
-            <p>The tool velocity is linear in the joint velocities. Column k, drawn as an arrow, is the velocity of the
-            tool when joint k alone moves at 1: perpendicular to the line from joint to tool, and equally long. Forces
-            map the other way, by the transpose: τ = J<sup>T</sup> F.</p>""",
+            <p>The tool velocity is linear in the joint velocities. Column k, drawn as an arrow at half its length, is
+            the velocity of the tool when joint k alone moves {_columns(kinds)}. Forces map the other way, by the
+            transpose: τ = J<sup>T</sup> F.</p>""",
         ),
         (
             "ellipses",
             "Velocity and force ellipse",
-            """<p>Joint velocities of length 1 give tool velocities on an <b>ellipse</b> (solid), whose semi-axes are
-            the singular values of J: <span data-live="s1"></span> and <span data-live="s2"></span>. Along its long axis
-            the tool is fast; the <b>force ellipse</b> (dashed) has the same axes and reciprocal lengths: where the arm
-            is slow, it is strong.</p><p>The product of the singular values is the manipulability w = |det J| = <b><span
-            data-live="w"></span></b> (Yoshikawa 1985), the color on the right: bright is large.</p>""",
+            f"""<p>Joint velocities of length {unit} give tool velocities on an <b>ellipse</b> (solid), whose semi-axes
+            are the singular values of J: <span data-live="s1"></span> and <span data-live="s2"></span>. Along its long
+            axis the tool is fast; the <b>force ellipse</b> (dashed) has the same axes and reciprocal lengths: where
+            the arm is slow, it is strong.</p><p>The product of the singular values is the manipulability w = |det J| =
+            <b><span data-live="w"></span></b> (Yoshikawa 1985), the color on the right: bright is large.</p>""",
         ),
         (
             "singularities",
             "Singularities",
             where
-            + """<p>There J loses rank: one semi-axis is zero; the tool cannot move in that direction at any joint
-            speed, and withstands any force in that direction without torque.</p>""",
+            + """<p>In a singularity J loses rank: one semi-axis is zero; the tool cannot move in that direction at any
+            joint speed, and withstands any force in that direction without torque.</p>""",
         ),
     )
-    poses = {"singularities": (q[0], 0.02) if revolute else q}
+    poses = {"singularities": lesson.nearly_singular if kinds == "RR" else q}
     return tuple(LessonStep(name, title, text, poses.get(name, q)) for name, title, text in rows)

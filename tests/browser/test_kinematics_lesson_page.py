@@ -41,6 +41,13 @@ def live(page: Any, name: str) -> str:
     return str(page.ask(f"document.querySelector('[data-live=\"{name}\"]').textContent")).replace("−", "-")
 
 
+def in_units(page: Any, name: str, unit: str) -> float:
+    """A number of the page that is followed by its unit."""
+    text = live(page, name)
+    assert text.endswith(unit)
+    return float(text.removesuffix(unit))
+
+
 def matrix(page: Any, name: str, size: int) -> np.ndarray:
     return np.array([[float(live(page, f"{name}{i}{k}")) for k in range(size)] for i in range(size)])
 
@@ -58,9 +65,9 @@ def test_matrices_are_the_products_of_link_transforms(
     jacobian = rp.Kinematics(lesson.scene).jacobian(q)[:2]
     np.testing.assert_allclose(matrix(page, "J", 2), jacobian, atol=0.006)
     sizes = np.linalg.svd(jacobian, compute_uv=False)
-    np.testing.assert_allclose([float(live(page, "s1")), float(live(page, "s2"))], sizes, atol=6e-4)
-    assert float(live(page, "w")) == pytest.approx(abs(np.linalg.det(jacobian)), abs=6e-4)
-    assert float(live(page, "det")) == pytest.approx(np.linalg.det(jacobian), abs=6e-4)
+    np.testing.assert_allclose([in_units(page, "s1", " m"), in_units(page, "s2", " m")], sizes, atol=6e-4)
+    assert in_units(page, "w", " m²") == pytest.approx(abs(np.linalg.det(jacobian)), abs=6e-4)
+    assert in_units(page, "det", " m²") == pytest.approx(np.linalg.det(jacobian), abs=6e-4)
 
 
 @pytest.mark.parametrize("q", POSES)
@@ -119,3 +126,15 @@ def test_the_map_is_dark_where_the_arm_is_singular(page: Any) -> None:
     assert brightness(-np.pi / 2) > 180
     assert brightness(0.2) < 140
     assert brightness(-0.2) < 140
+
+
+def test_the_other_solution_of_an_arm_that_slides_is_shown_within_its_limits(tab: Any, tmp_path: Path) -> None:
+    lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm("PR", (2.0, 0.6))))
+    tab.open(lesson.save_html(tmp_path / "slides.html"))
+    tab.ask("RR1.setQ([0.5, 0.4])")
+    other = max(lesson.flat.solutions(lesson.flat.points([0.5, 0.4])[2]), key=lambda q: q[0])
+    slide, turn = (float(number) for number in re.findall(r"-?[\d.]+", live(tab, "two")))
+    assert (slide, turn) == pytest.approx((other[0], np.degrees(other[1])), abs=0.06)
+    tab.ask("RR1.setQ([1.9, 0.4])")
+    assert live(tab, "two") == "out of range"
+    assert tab.complaints == []

@@ -172,11 +172,14 @@ class Kinematics {
     return { sizes: [Math.sqrt(sum + spread), Math.sqrt(Math.max(0, sum - spread))], turn: 0.5 * Math.atan2(mixed, difference) };
   }
 
+  /** Whether both solutions for the tool's position coincide; a gantry has one. */
+  isSingle(q) { return Math.abs(space.workspace.side(q)) < 1e-4; }
+
   /** The other joint values with the same tool position, or null. */
   twin(q) {
-    if (flat.kinds !== "RR") return null;
+    if (this.isSingle(q)) return null;
     const other = space.workspace.twin(q);
-    return other.every((v, k) => Math.abs(wrap(v - q[k])) < 1e-4) ? null : other;
+    return flat.kinds === "RR" || !space.place(other).outside ? other : null;
   }
 
   // ---- elements that move with the arm ----------------------------------------------------------
@@ -201,8 +204,8 @@ class Kinematics {
       bar.scale.set(Math.hypot(x1 - x0, y1 - y0), 0.055 * this.size, 1);
     });
     this.twinSpots.forEach((spot, k) => { spot.visible = on("twin") && Boolean(twin); if (twin) spot.position.set(...bars[k + 1], flat.height); });
-    const [speed, pull] = own.scales.map((s) => s * this.size);
-    this.columns.forEach((arrow, k) => { arrow.set(...tip, 2 * speed * J[0][k], 2 * speed * J[1][k]); arrow.visible &&= on("columns"); });
+    const [speed, pull, columns] = own.scales;
+    this.columns.forEach((arrow, k) => { arrow.set(...tip, columns[k] * J[0][k], columns[k] * J[1][k]); arrow.visible &&= on("columns"); });
     const { sizes, turn } = this.axes(J), far = 2.2 * this.size;
     const ellipse = (lengths) => (t) => {
       const [a, b] = [lengths[0] * Math.cos(2 * Math.PI * t), lengths[1] * Math.sin(2 * Math.PI * t)];
@@ -219,9 +222,13 @@ class Kinematics {
     const det = J[0][0] * J[1][1] - J[0][1] * J[1][0];
     const A = between(frames[0], frames[1]), B = between(frames[1], frames[2]), C = between(frames[0], frames[2]);
     const say = (v) => v && `(${v.map((x, k) => reading(x, k)).join(", ")})`;
+    // Columns of revolute joints are lengths [m], those of prismatic joints have no unit.
+    const turning = [...flat.kinds].filter((kind) => kind === "R").length, unit = ["", " m", " m²"][turning];
+    const determinant = (v) => fixed(v, Math.max(3, 2 - Math.floor(Math.log10(own.largest || 1)))) + unit;
     const values = {
-      x: `${fixed(points[2][0])} m`, y: `${fixed(points[2][1])} m`, det: fixed(det), w: fixed(Math.abs(det)),
-      s1: fixed(sizes[0]), s2: fixed(sizes[1]), one: say(q), two: say(twin) || "the same",
+      x: `${fixed(points[2][0])} m`, y: `${fixed(points[2][1])} m`, det: determinant(det), w: determinant(Math.abs(det)),
+      s1: fixed(sizes[0]) + (turning === 2 ? " m" : ""), s2: fixed(sizes[1]) + (turning === 2 ? " m" : ""),
+      one: say(q), two: say(twin) || (this.isSingle(q) ? "the same" : "out of range"),
       q0: reading(q[0], 0), q1: reading(q[1], 1),
     };
     for (const [name, matrix] of Object.entries({ A, B, C, J })) matrix.forEach((row, i) => row.forEach((v, k) => { values[`${name}${i}${k}`] = fixed(v, 2); }));
