@@ -57,14 +57,15 @@ class ConfigurationSpaceLesson(Lesson):
 def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
     symbols = [sub("θ" if turns else "d", k + 1) for k, turns in enumerate(grid.turns)]
     pair = math("(", symbols[0], ",", symbols[1], ")")
+    straight = "remains straight, because no joint turns" if not any(grid.turns) else "is not straight in the other"
     steps = [
         LessonStep(
             "point",
             "An arm is a point",
             f"""<p>Two numbers {pair} determine the position of every point of the arm. Together they are its
             <b>configuration</b>: one point in the square on the right, the <b>configuration space</b>.</p>
-            <p>Drag the point and watch the arm; drag the tool and watch the point. A straight line in one picture is
-            not straight in the other.</p>""",
+            <p>Drag the point and watch the arm; drag the tool and watch the point. A straight line in one picture
+            {straight}.</p>""",
             q,
         ),
         LessonStep(
@@ -89,20 +90,26 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
         LessonStep(
             "overlaps",
             "Overlaps",
-            """<p>Where two images overlap (striped), the arm touches two obstacles at once. Obstacles that do not
-            touch each other can have images that do: together they may close a passage.</p>
+            """<p>Where two images overlap (stripes of both colors), the arm touches two obstacles at once. Obstacles
+            that do not touch each other can have images that do: together they may close a passage.</p>
             <p>The free configurations are those outside all images.</p>""",
             q,
         ),
     ]
     if grid.turns[0]:
+        around = (
+            f""" (A second link more than twice as long as the first can touch an obstacle from every
+            {math(symbols[0])}: its blob goes all around.)"""
+            if grid.turns[1]
+            else ""
+        )
         strip = LessonStep(
             "strip",
             "Strips and blobs",
             f"""<p>If the <i>first</i> link touches an obstacle, the value of the second joint does not matter, and the
-            image is a strip along the axis of {math(symbols[1])}. If only the second link touches, the image is a
-            bounded blob.</p>
-            <p>Obstacles near the base therefore have strips, and far ones have blobs.</p>""",
+            image is a strip along the axis of {math(symbols[1])}. If only the second link touches, then for each
+            {math(symbols[0])} only some {math(symbols[1])} are blocked: the image is a blob.</p>
+            <p>Obstacles near the base therefore have strips, and far ones have blobs.{around}</p>""",
             q,
         )
         steps.insert(2, strip)

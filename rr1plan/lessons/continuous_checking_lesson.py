@@ -117,7 +117,9 @@ class ContinuousCheckingLesson(Lesson):
         if problem is not None:
             problems = {"Your query": problem}
         if not problems:
-            raise InputError("the lesson is about an edge: give a problem with a start and a goal in joint values")
+            raise InputError(
+                "lesson 'continuous_checking' is about an edge: give a problem with a start and a goal in joint values"
+            )
         self.edges = {name: (p.start, _goal(p)) for name, p in problems.items()}
         self.scene = next(iter(problems.values())).scene
         self.checker = CollisionChecker(self.scene)
@@ -227,5 +229,7 @@ def _goal(problem: Problem) -> Array:
     """
     goals = [goal for goals in problem.goal.values() for goal in goals]
     if len(problem.arms) != 1 or not isinstance(goals[0], JointGoal):
-        raise InputError("the lesson is about an edge: the problem needs one arm and a goal in joint values")
+        raise InputError(
+            "lesson 'continuous_checking' is about an edge: the problem needs one arm and a goal in joint values"
+        )
     return goals[0].q

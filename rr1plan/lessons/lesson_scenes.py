@@ -46,7 +46,9 @@ def require_flat_arm(lesson: str, scene: Scene) -> tuple[str, FlatArm]:
     Raises:
         InputError: several arms, or one that is not two joints in a horizontal plane.
     """
-    name = scene.only_arm(None)
+    if len(scene.arms) != 1:
+        raise InputError(f"lesson {lesson!r} needs a scene with one arm, and this one has {len(scene.arms)}")
+    (name,) = scene.arms
     found = flat_arm(scene.arms[name])
     if found is None:
         raise InputError(

@@ -217,7 +217,7 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
         (
             "path",
             "What a planner returns",
-            f"""<p>RRT-Connect computes a <b>path</b>: {len(lesson.raw)} waypoints, joined by straight lines in
+            f"""<p>RRT-Connect computes a <b>path</b>: {len(clean(lesson.raw))} waypoints, joined by straight lines in
             joint space, certified free. It is jagged, {before:.2f} rad long, and has no time: how fast may the arm
             go, and what happens at the corners?</p><p>Drive it (D): with a stop at every corner it is slow.</p>""",
         ),

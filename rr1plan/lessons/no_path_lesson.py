@@ -102,8 +102,8 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
     around = (
         """The square is misleading: its dashed edges meet, so a path may leave on one side and re-enter on the other.
         The obstacles that separate start and goal form a closed ring around the reachable region, also across the
-        seams.</p><p>One ring-shaped image alone does not separate a torus: it leaves an annulus in one piece. Two
-        do."""
+        seams.</p><p>One image that goes around the torus does not separate it: it leaves an annulus in one piece.
+        Two that go around it the same way do."""
         if any(picture.grid.periodic)
         else """No joint turns across a seam here, so the rectangle is the whole space. The obstacles and the joint
         limits form a closed ring around the reachable region."""
@@ -144,8 +144,9 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
             "A planner can only give up",
             """<p>RRT-Connect grew a tree from the start and one from the goal. Each fills its component, and they
             never meet. Press <i>Grow</i>.</p>
-            <p>Such planners are <b>probabilistically complete</b>: if there is a path, they find it sooner or later.
-            If there is none, they run until their budget ends, and that proves nothing.</p>""",
+            <p>Such planners are <b>probabilistically complete</b>: if there is a path with some clearance, the
+            probability that they find one tends to 1. If there is none, they run until their budget ends, and that
+            proves nothing.</p>""",
             start,
         ),
         LessonStep(

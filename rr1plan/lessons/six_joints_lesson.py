@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from rr1plan.checks import counted
+from rr1plan.checks import Array, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.lessons.free_share import FreeShare, free_share
+from rr1plan.lessons.free_share import free_share
 from rr1plan.lessons.inverse_solutions import InverseSolution, inverse_solutions, self_motion
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_scenes import refuse_problem
@@ -50,7 +50,9 @@ class SixJointsLesson(Lesson):
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
         refuse_problem(self.name, problem)
         self.scene = load_scene("rr1_table") if scene is None else scene
-        self.arm = self.scene.only_arm(None)
+        if len(self.scene.arms) != 1:
+            raise InputError(f"lesson 'six_joints' needs a scene with one arm, and this one has {len(self.scene.arms)}")
+        (self.arm,) = self.scene.arms
         robot = self.scene.arms[self.arm].robot
         if robot.nq != 6:
             raise InputError(f"lesson 'six_joints' needs an arm of six joints, and arm {self.arm!r} has {robot.nq}")
@@ -63,7 +65,7 @@ class SixJointsLesson(Lesson):
         self.motions = {axis: self_motion(self.scene, self.arm, turning, axis=axis) for axis in "yxz"}
         self.turning = turning
         self.share = free_share(self.checker, _SAMPLES, rng=0)
-        self.steps = _steps(self.solutions, self.share, tuple(own))
+        self.steps = _steps(self, tuple(own))
 
     # ---- the page --------------------------------------------------------------------------
 
@@ -176,7 +178,14 @@ def _solution_data(solution: InverseSolution) -> dict[str, object]:
     return {"q": np.round(solution.q, 9).tolist(), "state": state, "text": text}
 
 
-def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple[float, ...]) -> tuple[LessonStep, ...]:
+def _moving(motions: dict[str, Array]) -> str:
+    """How many joints a rotation of the tool about each of its axes moves."""
+    joints = {axis: counted(int((np.ptp(rows, axis=0) > 1e-4).sum()), "joint") for axis, rows in motions.items()}
+    return "Here a rotation " + ", ".join(f"about {axis} moves {joints[axis]}" for axis in sorted(joints))
+
+
+def _steps(lesson: SixJointsLesson, home: tuple[float, ...]) -> tuple[LessonStep, ...]:
+    solutions, share = lesson.solutions, lesson.share
     inside = [s for s in solutions if s.within_limits]
     valid = [s for s in inside if s.is_valid]
     years = 360.0**6 * 50e-6 / (365.25 * 86400)
@@ -184,9 +193,9 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
         LessonStep(
             "slices",
             "A point in six dimensions",
-            """<p>RR1 has six joints: a configuration is a point in a box of six dimensions, and obstacles are bodies in
-            this box. What can be drawn is a <b>slice</b>: two joints move, four are fixed. In the slice everything is
-            as in the lessons on two joints. Click into it, and choose other joints above.</p>
+            """<p>This arm has six joints: a configuration is a point in a box of six dimensions, and obstacles are
+            bodies in this box. What can be drawn is a <b>slice</b>: two joints move, four are fixed. In the slice
+            everything is as in the lessons on two joints. Click into it, and choose other joints above.</p>
             <p>Drag an obstacle or a link of the arm: the images follow.</p>""",
             home,
         ),
@@ -213,19 +222,18 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
             "solutions",
             f"One pose, {counted(len(solutions), 'solution')}",
             f"""<p>The elbow of a 2R arm has two sides. A six-axis arm has shoulder, elbow and wrist to turn over:
-            this pose of the tool has {len(solutions)} solutions. {len(inside)} of them are within RR1's joint limits,
-            and {len(valid)} free of contact. Keys <kbd>1</kbd> to <kbd>{len(solutions)}</kbd> go to them: the tool does
-            not move.</p>
+            this pose of the tool has {counted(len(solutions), "solution")}. {len(inside)} of them are within the joint
+            limits, and {len(valid)} free of contact. Keys <kbd>1</kbd> to <kbd>{min(len(solutions), 9)}</kbd> go to
+            them: the tool does not move.</p>
             <p>Each dot is drawn at its two joints, but lies in another slice. A planner that takes all of them as goals
             finds shorter paths, and finds one where a single goal would be walled off.</p>""",
         ),
         LessonStep(
             "self_motion",
             "One condition less, and the arm can move",
-            """<p>If the tool may turn about one of its axes, six joints have five conditions, and the solutions form
-            <b>curves</b>: the arm moves, but the tool keeps its position. For RR1 the yaw is the last joint alone.
-            About a rod between the fingers (x or y) all six joints move; where the curve is dashed, the arm is in
-            contact.</p>
+            f"""<p>If the tool may turn about one of its axes, six joints have five conditions, and the solutions form
+            <b>curves</b>: the arm moves, but the tool keeps its position. {_moving(lesson.motions)}:
+            in many arms the last axis is the tool’s z axis. Where the curve is dashed, the arm is in contact.</p>
             <p>The velocities of such a motion lie in the null space of the Jacobian's five rows.</p>""",
         ),
         LessonStep(

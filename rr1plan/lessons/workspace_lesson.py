@@ -104,9 +104,6 @@ def solution_counts(
 
 
 def _steps(arm: FlatArm, q: tuple[float, ...], limited: bool) -> tuple[LessonStep, ...]:
-    task = "Drag the tool from blue to striped and press <kbd>E</kbd>: the arm would leave its limits."
-    if not limited:
-        task = "No configuration in this picture is lost to limits."
     return (
         LessonStep(
             "reach",
@@ -120,9 +117,7 @@ def _steps(arm: FlatArm, q: tuple[float, ...], limited: bool) -> tuple[LessonSte
         LessonStep(
             "limits",
             "Joint limits remove solutions",
-            f"""<p>Joint limits block the gray margins of the configuration space. Points with one solution there are
-            reached <b>once</b>, points with both there never.</p>
-            <p>{task}</p>""",
+            _limits(arm, limited),
             q,
         ),
         LessonStep(
@@ -170,15 +165,32 @@ def _reach(arm: FlatArm) -> str:
             joints.</p>"""
 
 
+def _limits(arm: FlatArm, limited: bool) -> str:
+    """The text about joint limits."""
+    if not limited:
+        return """<p>Joint limits block margins of the configuration space, and a solution in them does not count. No
+            configuration in this picture is lost to limits: revolute joints turn without limits here, and the travel
+            of sliding joints is the picture’s range.</p>"""
+    if arm.kinds in ("RP", "PP"):
+        return """<p>Joint limits block the gray margins of the configuration space. Points whose solution is there are
+            not reached.</p>"""
+    return """<p>Joint limits block the gray margins of the configuration space. Points with one solution there are
+            reached <b>once</b>, points with both there never.</p>
+            <p>Drag the tool from blue to striped and press <kbd>E</kbd>: the arm would leave its limits.</p>"""
+
+
 def _solutions(arm: FlatArm) -> str:
     """The text about inverse kinematics without limits and obstacles."""
     other = """<p>The hollow ring in the configuration space is the other solution. Press <kbd>E</kbd> to go there: the
             tool does not move.</p>"""
+    first, second = (abs(bar) for bar in arm.bars)
+    middle = " With links of equal length the tool reaches the base: there every θ<sub>1</sub> is a solution."
+    middle = middle if np.isclose(first, second, rtol=1e-9) else ""
     match arm.kinds:
         case "RR":
             return f"""<p>A point inside the annulus has <b>two</b> solutions, with the elbow on the left or on the
             right. On the boundaries the two coincide: the arm is straight or folded, it is
-            <b>singular</b>.</p>{other}"""
+            <b>singular</b>.{middle}</p>{other}"""
         case "RP":
             return """<p>A direction and a distance determine both joints, so a point has <b>one</b> solution. The
             second solution of the equations points backwards, with a negative distance: most rods cannot do

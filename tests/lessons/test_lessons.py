@@ -21,6 +21,7 @@ from rr1plan.lessons.planar_outlines import planar_data
 from rr1plan.lessons.torus_picture import torus_image
 from rr1plan.lessons.two_arms_lesson import TwoArmsLesson
 from rr1plan.lessons.workspace_lesson import WorkspaceLesson, solution_counts
+from rr1plan.retiming.path_blends import clean
 
 NAMES = rp.lesson_names()
 
@@ -324,6 +325,72 @@ def test_layers_that_are_ignored_do_not_count(lessons: dict[str, rp.Lesson]) -> 
     # The inner rim under the limit of the second joint, by the law of cosines.
     inner = np.sqrt(1.0 + 0.49 + 2 * 0.7 * np.cos(2.3))
     assert far[limited > 0].min() == pytest.approx(inner, abs=0.03)
+
+
+def test_texts_on_kinematics_are_about_the_arm_shown(tmp_path: Path) -> None:
+    texts = {
+        kinds: {step.name: " ".join(step.text.split()) for step in rp.lesson("kinematics", own_scene(kinds)).steps}
+        for kinds in ("RR", "RP", "PR", "PP")
+    }
+    assert "sin θ" in texts["RR"]["singularities"]
+    assert "1 rad/s: perpendicular to the line" in texts["RR"]["jacobian"]
+    assert "that of the prismatic one is its axis" in texts["RP"]["jacobian"]
+    assert "right angle to the rail" in texts["PR"]["singularities"]
+    assert "no singularities" in texts["PP"]["singularities"]
+    assert "+ -" not in texts["PR"]["dh"]
+    # The elbow of the shipped arm is straight at zero; that of this arm is not.
+    text = Path(rp.load_robot("planar2r").source).read_text()
+    assert '<origin xyz="1 0 0"/>' in text
+    (tmp_path / "turned.urdf").write_text(text.replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0" rpy="0 0 0.5"/>'))
+    lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.load_robot(tmp_path / "turned.urdf")))
+    assert "sin θ" not in str(lesson.steps)
+    assert lesson.determinant(np.array(lesson.steps[-1].q)) == pytest.approx(0.7 * np.sin(0.02), abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.1, 10.0])
+def test_ellipses_grow_with_the_arm(size: float) -> None:
+    lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm("RR", (size, 0.7 * size))))
+    figure = lesson.figure()
+    ellipses = [patch for patch in figure.axes[0].patches if hasattr(patch, "width") and patch.get_label() is not None]
+    wide = max(patch.width for patch in ellipses if patch.get_label() == "velocity ellipse")
+    assert 0.2 < wide / (1.7 * size) < 0.6
+
+
+def test_the_figure_of_a_gantry_shows_its_range() -> None:
+    lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm("PP", (1.0, 0.5))))
+    low, high = lesson.figure().axes[0].get_xlim()
+    assert low < 0.0
+    assert 1.0 < high < 1.5
+
+
+def test_texts_on_limits_fit_the_number_of_solutions() -> None:
+    def limits(kinds: str, ranges: Any = None) -> str:
+        scene = rp.Scene().with_arm("arm", rp.planar_arm(kinds, limits=ranges))
+        return next(step.text for step in rp.lesson("workspace", scene).steps if step.name == "limits")
+
+    both = [(-2.0, 2.0), (-2.0, 2.0)]
+    assert "<b>once</b>" in limits("RR", both)
+    assert "once" not in limits("RP", [(-2.0, 2.0), (0.2, 0.8)])
+    assert "gray" not in limits("RR")
+
+
+def test_numbers_in_texts_are_those_of_the_panels(lessons: dict[str, rp.Lesson]) -> None:
+    motion: Any = lessons["motion"]
+    text = next(step.text for step in motion.steps if step.name == "path")
+    assert f"{len(clean(motion.raw))} waypoints" in text
+
+
+def test_texts_on_six_joints_name_no_robot_and_count_moving_joints(lessons: dict[str, rp.Lesson]) -> None:
+    steps = str(lessons["six_joints"].steps)
+    assert "RR1" not in steps
+    assert "about y moves 6 joints, about z moves 1 joint" in steps
+
+
+def test_lessons_about_one_arm_refuse_two() -> None:
+    two = rp.load_scene("planar2r_pair")
+    for name in ("workspace", "six_joints"):
+        with pytest.raises(rp.InputError, match="needs a scene with one arm, and this one has 2"):
+            rp.lesson(name, two)
 
 
 def test_images_of_the_own_obstacles_overlap_and_have_strips(lessons: dict[str, rp.Lesson]) -> None:

@@ -56,7 +56,7 @@ class Steps {
   /** Enters the first step, or the one in the page's address, also when the address changes. */
   begin() {
     const wish = Number(new URLSearchParams(location.hash.slice(1)).get("step"));
-    this.go(wish >= 1 && wish <= this.articles.length ? wish - 1 : 0);
+    this.go(this.articles[wish - 1] ? wish - 1 : 0);
   }
 
   /** Writes the step into the address, where a reload and a copied link find it; a page in a notebook has none. */
