@@ -9,6 +9,7 @@ LESSONS = {
     "kinematics": ("KinematicsLesson", "Kinematics"),
     "no_path": ("NoPathLesson", "No free path although both ends are free"),
     "planning": ("PlanningLesson", "Planning step by step"),
+    "potential_fields": ("PotentialFieldsLesson", "Potential fields"),
     "motion": ("MotionLesson", "From path to motion"),
     "continuous_checking": ("ContinuousCheckingLesson", "Continuous checking"),
     "two_arms": ("TwoArmsLesson", "Two 2R arms"),

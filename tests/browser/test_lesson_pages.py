@@ -91,6 +91,7 @@ def test_the_address_names_the_step(tab: Any, page_file: Path) -> None:
 ANIMATIONS = {
     "no_path": ("planner", "RR1.lesson.grown"),
     "planning": ("rrt", "RR1.search.at"),
+    "potential_fields": ("sum", "RR1.potential.at"),
     "motion": ("blend", "RR1.timing.share"),
     "continuous_checking": ("halving", "RR1.edge.shown"),
     "two_arms": ("orders", "RR1.pair.time"),

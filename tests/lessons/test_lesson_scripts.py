@@ -81,6 +81,13 @@ CLAIMS: dict[str, tuple[str, ...]] = {
         r"in all four joints: found",
         r"proven valid: True",
     ),
+    "10_potential_fields": (
+        r"FieldGrid\(120 × 120 cells, 73 % free\)",
+        r"gain 0\.03: the descent ends in a local minimum, \d+ minima, 6\d % reach the goal",
+        r"best-first search: \d+ cells visited",
+        r"wave: \d+ steps, 100 % reach the goal",
+        r"proven free: True",
+    ),
     "09_six_joints": (
         r"slice with the wrist at 34°: \d\d% free",
         r"8 solutions, 2 within the limits, 1 free",
