@@ -104,6 +104,7 @@ _OWN_STEP = (
     "edge are in contact, a coarse step may miss them all. Which step is enough depends on the edge, and is not "
     "known in advance.</p>",
 )
+_SLIDING = "<p>A prismatic joint moves every point as far as the joint itself: its lever is 1.</p>"
 _GENERAL = ("bound", "halving", "advancing")
 
 
@@ -130,7 +131,13 @@ class ContinuousCheckingLesson(Lesson):
         self._outlines = planar_data(self.checker)
         self._own = problem is not None
         steps = _STEPS if problem is None else (_OWN_STEP, *(step for step in _STEPS if step[0] in _GENERAL))
-        self.steps = tuple(LessonStep(*step) for step in steps)
+        straight = [
+            self.scene.arms[arm].robot.joint(name).kind == "prismatic"
+            for arm in self.checker.arms
+            for name in self.scene.arms[arm].robot.joint_names
+        ]
+        more = {"bound": _SLIDING} if any(straight) else {}
+        self.steps = tuple(LessonStep(name, title, text + more.get(name, "")) for name, title, text in steps)
 
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
         picture = cspace(self.scene)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rr1plan.errors import InputError
 from rr1plan.model.flat_arm import FlatArm, flat_arm
 from rr1plan.robot.planar_arm import planar_arm
@@ -56,6 +58,11 @@ def require_flat_arm(lesson: str, scene: Scene) -> tuple[str, FlatArm]:
             "planar_arm makes such arms"
         )
     return name, found
+
+
+def length_unit(turns: Sequence[bool]) -> str:
+    """The unit of lengths in a configuration space, with a space before it; none for joints of both kinds."""
+    return " rad" if all(turns) else "" if any(turns) else " m"
 
 
 def refuse_problem(lesson: str, problem: Problem | None) -> None:

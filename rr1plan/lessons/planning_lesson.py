@@ -12,6 +12,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
+from rr1plan.lessons.lesson_scenes import length_unit
 from rr1plan.lessons.search.lattice_search import search_lattice
 from rr1plan.lessons.search.roadmap_growth import grow_prm
 from rr1plan.lessons.search.search_record import BLOCKED, EDGE, EVENTS, REFUSED, SearchRecord
@@ -91,6 +92,11 @@ class PlanningLesson(Lesson):
         self.variants = _variants(problem)
         self.steps = _steps(self)
 
+    @property
+    def unit(self) -> str:
+        """The unit of path lengths, with a space before it; none if one joint turns and the other one slides."""
+        return length_unit(self.picture.grid.turns)
+
     def variant(self, planner: str) -> Variant:
         """A planner with its default options."""
         usual = [v for v in self.variants if v.planner == planner and v.bias in (None, 0.05)]
@@ -118,6 +124,7 @@ class PlanningLesson(Lesson):
                 "kinds": list(EVENTS),
                 "colors": COLORS,
                 "usual": _USUAL,
+                "unit": self.unit,
                 "variants": [_row(variant, kinematics) for variant in self.variants],
             },
         )
@@ -154,7 +161,7 @@ class PlanningLesson(Lesson):
         for q, marker, size in ((self.problem.start, "o", 8), (self.picture.goals[0], "*", 14)):
             axes.plot(*space.wrapped(q), marker, color="#22262b", mec="white", ms=size, zorder=5)
         axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[])
-        cost = f"{record.cost:.2f} rad" if record.found else "no path"
+        cost = f"{record.cost:.2f}{self.unit}" if record.found else "no path"
         axes.set_title(f"{variant.planner}: {record.edges_checked[-1]} edges, {cost}", fontsize=11, loc="left")
 
     def _draw_race(self, axes: Axes) -> None:
@@ -166,7 +173,7 @@ class PlanningLesson(Lesson):
                 checks, costs = record.edges_checked[found], record.costs[found]
                 axes.step(checks, costs, where="post", color=color, lw=2, ls=_DASHES.get(planner, (0, (4, 1, 1, 1))))
                 axes.plot(checks[0], costs[0], "o", color=color, ms=6, label=planner)
-        axes.set(xscale="log", xlabel="edges checked", ylabel="path [rad]")
+        axes.set(xscale="log", xlabel="edges checked", ylabel=f"path [{self.unit.strip() or '-'}]")
         _plain_ticks(axes.xaxis)
         axes.set_title("length of the best path", fontsize=12, loc="left")
         axes.legend(fontsize=9, frameon=False, ncols=2)
@@ -177,7 +184,7 @@ class PlanningLesson(Lesson):
         for k, (bias, marker, dashes) in enumerate(zip(_BIASES, "osD", ("-", "--", ":"), strict=True)):
             label = f"goal bias {100 * bias:g} %"
             axes.plot(_STEPS, self.effect[:, k, 0], marker=marker, ls=dashes, color="#22262b", ms=5, label=label)
-        axes.set(xscale="log", yscale="log", xlabel="step [rad]", ylabel="edges checked")
+        axes.set(xscale="log", yscale="log", xlabel=f"step [{self.unit.strip() or '-'}]", ylabel="edges checked")
         _plain_ticks(axes.yaxis)
         axes.set_xticks(_STEPS, [f"{step:g}" for step in _STEPS], minor=False)
         axes.set_xticks([], minor=True)
@@ -265,7 +272,7 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
 
     def outcome(planner: str) -> str:
         record = counts[planner]
-        end = f"a path of {record.cost:.2f} rad" if record.found else "no path"
+        end = f"a path of {record.cost:.2f}{lesson.unit}" if record.found else "no path"
         return f"Here: {len(record.vertices)} vertices, {record.edges_checked[-1]} edges checked, {end}."
 
     torus = ", here on the torus" if any(lesson.picture.grid.periodic) else ""

@@ -10,7 +10,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
-from rr1plan.lessons.lesson_scenes import require_flat_arm
+from rr1plan.lessons.lesson_scenes import length_unit, require_flat_arm
 from rr1plan.lessons.mathml import fraction, math, power, row, sub
 from rr1plan.lessons.potential_field import (
     FINER,
@@ -61,7 +61,7 @@ class PotentialFieldsLesson(Lesson):
                 )
             shipped = load_problems("planar2r_path")["over_the_seam"].scene
             problem = Problem(shipped, _START, JointGoal(_GOAL))
-        _, self.flat = require_flat_arm(self.name, problem.scene)
+        require_flat_arm(self.name, problem.scene)
         goal = problem.goal[problem.arms[0]][0]
         if not isinstance(goal, JointGoal):
             raise InputError("lesson 'potential_fields' needs a joint goal; solve_ik gives one for a position")
@@ -89,7 +89,7 @@ class PotentialFieldsLesson(Lesson):
             "gains": list(GAINS),
             "reaches": list(REACHES),
             "usual": [GAIN, REACH],
-            "unit": {"RR": " rad", "PP": " m"}.get(self.flat.kinds, ""),
+            "unit": length_unit(self.picture.grid.turns),
         }
         return document, (space, lesson_panel("potential", "Potential field", data))
 

@@ -374,6 +374,17 @@ def test_texts_on_limits_fit_the_number_of_solutions() -> None:
     assert "gray" not in limits("RR")
 
 
+@pytest.mark.parametrize(("joints", "unit"), [("PP", " m"), ("PR", "")])
+def test_lengths_have_the_unit_of_the_joints(joints: str, unit: str) -> None:
+    scene = own_scene(joints)
+    problem = rp.Problem(scene, [0.1, 0.1], rp.JointGoal([0.2, 0.1]))
+    lesson: Any = rp.lesson("planning", problem=problem)
+    assert lesson.unit == unit
+    assert " rad" not in str(lesson.steps)
+    edges = rp.lesson("continuous_checking", problem=problem)
+    assert "prismatic joint" in str(edges.steps)
+
+
 def test_numbers_in_texts_are_those_of_the_panels(lessons: dict[str, rp.Lesson]) -> None:
     motion: Any = lessons["motion"]
     text = next(step.text for step in motion.steps if step.name == "path")

@@ -135,7 +135,7 @@ class EdgeLesson {
     this.refresh();
   }
 
-  /** Step of the samples [rad]; the slider is logarithmic, from 30° to 0.1°. */
+  /** Step of the samples [rad or m]; the slider is logarithmic, from 30° to 0.1°. */
   get stepSize() { return (Math.PI / 180) * 30 * Math.exp((-Math.log(300) * this.step.value) / 100); }
 
   set stepDegrees(degrees) {
@@ -226,7 +226,7 @@ class EdgeLesson {
     part(".walk").hidden = fixed;
     if (fixed) {
       this.samples = this.edge.samples(this.stepSize);
-      showValue(this.step, part(".steps output"), degrees(this.stepSize));
+      showValue(this.step, part(".steps output"), extent(this.stepSize));
       fillSlider(this.step);
     } else {
       Object.assign(this.walk, { min: 0, max: this.list.length, value: this.shown });
@@ -333,7 +333,7 @@ class EdgeLesson {
     if (hits) return [`${count}, ${hits} of them in contact: the edge is not free. This time a sample fell into the gap.`, "bad"];
     if (!inContact.length) return [`${count}, all free. The edge is free indeed, but samples do not prove it.`, "open"];
     const widest = Math.max(...inContact.map(([a, b]) => b - a)) * edge.length;
-    return [`${count}, all free, and the edge is taken for free. It is not: over ${degrees(widest)} of its ${degrees(edge.length)} the arm is in the plate. Only a step of ${degrees(widest)} or less is sure to find that.`, "bad"];
+    return [`${count}, all free, and the edge is taken for free. It is not: over ${extent(widest)} of its ${extent(edge.length)} the arm is in contact. Only a step of ${extent(widest)} or less is sure to find that.`, "bad"];
   }
 
   drawEdge(pen, unit) {
@@ -453,7 +453,11 @@ class EdgeLesson {
   }
 }
 
-const degrees = (angle) => { const d = (180 / Math.PI) * angle; return `${d.toFixed(d < 1 ? 2 : 1)}°`; };
+/** A length in configuration space: degrees if both joints turn, centimeters if both slide, else without a unit. */
+function extent(length) {
+  const straight = data.joints.filter((joint) => joint.straight).length, [scale, unit] = [[180 / Math.PI, "°"], [1, ""], [100, " cm"]][straight];
+  return `${(scale * length).toFixed(scale * length < 1 ? 2 : 1)}${unit}`;
+}
 
 /** Corners of the convex hull, counter-clockwise (Andrew's monotone chain). */
 function convexHull(points) {

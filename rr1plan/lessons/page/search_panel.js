@@ -62,7 +62,7 @@ class Search {
     this.biases = same.map((r) => r.bias).filter((b) => b !== null).sort((a, b) => a - b);
     this.record = same.find((r) => r.bias === bias) || same.find((r) => r.bias === 0.05) || same[0];
     for (const chip of part(".planners").children) chip.setAttribute("aria-pressed", String(chip.dataset.planner === planner));
-    this.fill(".step", this.steps, nearest, `${+nearest.toFixed(2)} rad`);
+    this.fill(".step", this.steps, nearest, `${+nearest.toFixed(2)}${data.unit}`);
     this.fill(".bias", this.biases, this.record.bias, this.biases.length ? `${Math.round(100 * this.record.bias)} %` : "none");
     part(".at").max = this.length;
     this.place();
@@ -121,7 +121,7 @@ class Search {
       vertices: this.state.count,
       checks: k ? record.checks[k - 1] : 0,
       rejected: this.state.rejected.length,
-      cost: k && record.costs[k - 1] !== null ? `${record.costs[k - 1].toFixed(2)} rad` : "–",
+      cost: k && record.costs[k - 1] !== null ? `${record.costs[k - 1].toFixed(2)}${data.unit}` : "–",
     };
     for (const [name, value] of Object.entries(numbers)) part(`[data-of=${name}]`).textContent = typeof value === "number" ? rough(value) : value;
     announce(part(".said"), this.say(), this.playing && k < this.length);
@@ -151,7 +151,7 @@ class Search {
     if (count(PARENT)) words.push(`${count(PARENT)} cheaper by a new parent`);
     if (count(REFUSED)) words.push(count(REFUSED) > 1 ? `${count(REFUSED)} edges rejected` : "edge rejected: not free");
     const path = record.paths.find((p) => p.step === at - 1);
-    if (path) words.push(`path of ${record.costs[at - 1].toFixed(2)} rad`);
+    if (path) words.push(`path of ${record.costs[at - 1].toFixed(2)}${data.unit}`);
     return `Step ${at}: ${words.join(", ") || "nothing new"}.`;
   }
 
@@ -273,7 +273,7 @@ class Search {
     }
     pen.textAlign = "right";
     for (const c of [low, top]) pen.fillText(c.toFixed(1), left - 5, y(c) + 4);
-    pen.textAlign = "left"; pen.fillText("length of the best path [rad]", left, 11);
+    pen.textAlign = "left"; pen.fillText(`length of the best path${data.unit && ` [${data.unit.trim()}]`}`, left, 11);
     pen.textAlign = "right"; pen.fillText("edges checked", right, high - 4);
     for (const r of shown) {
       const own = r === this.record, end = own ? this.at : r.checks.length, first = r.costs.findIndex((c) => c !== null);
