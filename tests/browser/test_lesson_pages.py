@@ -81,6 +81,12 @@ def test_the_address_names_the_step(tab: Any, page_file: Path) -> None:
     tab.page.reload()
     wait_until(tab.page, READY)
     assert tab.ask("RR1.steps.index") == 2
+    tab.ask("() => { location.hash = 'step=2&q=0.3,-1.5'; }")
+    wait_until(tab.page, "RR1.steps.index === 1 && Math.abs(RR1.q[1] + 1.5) < 1e-6")
+    tab.ask("() => { location.hash = 'step=2&q=0.3,x'; }")
+    tab.page.keyboard.press("PageDown")
+    assert tab.page.url.endswith("#step=3")
+    assert tab.complaints == []
     # The title is a heading of the page for screen readers, and not drawn twice.
     heading = tab.page.get_by_role("heading", level=1)
     assert heading.inner_text() == tab.page.title()

@@ -53,10 +53,12 @@ class Steps {
     if (space.toggleTorus && !space.tools.torus.hidden && Boolean(space.torus) !== on) space.toggleTorus();
   }
 
-  /** Enters the first step, or the one in the page's address, also when the address changes. */
+  /** Enters the first step, or the one in the page's address with the joint values there, also when it changes. */
   begin() {
-    const wish = Number(new URLSearchParams(location.hash.slice(1)).get("step"));
+    const wishes = new URLSearchParams(location.hash.slice(1)), wish = Number(wishes.get("step"));
     this.go(this.articles[wish - 1] ? wish - 1 : 0);
+    const q = (wishes.get("q") || "").split(",").map((text) => (text.trim() ? Number(text) : NaN));
+    if (q.length === viewer.q.length && q.every(Number.isFinite)) viewer.setQ(q);
   }
 
   /** Writes the step into the address, where a reload and a copied link find it; a page in a notebook has none. */
@@ -64,6 +66,7 @@ class Steps {
     if (location.protocol === "about:") return;
     const wishes = new URLSearchParams(location.hash.slice(1));
     wishes.set("step", index + 1);
+    wishes.delete("q");
     history.replaceState(null, "", `#${wishes}`);
   }
 
