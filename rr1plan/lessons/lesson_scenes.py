@@ -9,7 +9,7 @@ from rr1plan.model.flat_arm import FlatArm, flat_arm
 from rr1plan.robot.planar_arm import planar_arm
 from rr1plan.scene import Scene
 from rr1plan.scene.polygon_prism import polygon_prism
-from rr1plan.scene.problem import Problem
+from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.shapes import Box, Cylinder
 from rr1plan.transforms import as_pose, rotation_about
 
@@ -63,6 +63,23 @@ def require_flat_arm(lesson: str, scene: Scene) -> tuple[str, FlatArm]:
 def length_unit(turns: Sequence[bool]) -> str:
     """The unit of lengths in a configuration space, with a space before it; none for joints of both kinds."""
     return " rad" if all(turns) else "" if any(turns) else " m"
+
+
+def require_query(lesson: str, scene: Scene | None, problem: Problem | None) -> Problem | None:
+    """A teacher's own query of one arm of two joints with a joint goal; None stands for the lesson's default.
+
+    Raises:
+        InputError: a scene without a query, another arm, or another goal.
+    """
+    if problem is None:
+        if scene is not None:
+            raise InputError(f"lesson {lesson!r} is about a query; give it a problem with a start and a joint goal")
+        return None
+    if len(problem.arms) != 1 or problem.nq != 2:
+        raise InputError(f"lesson {lesson!r} needs an arm of two joints, the problem has {problem.nq} columns")
+    if not isinstance(problem.goal[problem.arms[0]][0], JointGoal):
+        raise InputError(f"lesson {lesson!r} needs a joint goal; solve_ik gives one for a position")
+    return problem
 
 
 def refuse_problem(lesson: str, problem: Problem | None) -> None:

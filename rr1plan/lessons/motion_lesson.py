@@ -11,6 +11,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
+from rr1plan.lessons.lesson_scenes import require_query
 from rr1plan.lessons.mathml import math
 from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, fastest_motion, path_grid
 from rr1plan.lessons.search.shortcut_steps import Shortcut, record_shortcuts
@@ -26,7 +27,7 @@ from rr1plan.retiming.path_blends import clean
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
-from rr1plan.scene.problem import JointGoal, Problem
+from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,14 +50,7 @@ class MotionLesson(Lesson):
     name = "motion"
 
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
-        if problem is None:
-            if scene is not None:
-                raise InputError("lesson 'motion' is about a query; give it a problem with a start and a joint goal")
-            problem = load_problems("planar2r_path")["over_the_seam"]
-        if len(problem.arms) != 1 or problem.nq != 2:
-            raise InputError(f"lesson 'motion' needs an arm of two joints, the problem has {problem.nq} columns")
-        if not isinstance(problem.goal[problem.arms[0]][0], JointGoal):
-            raise InputError("lesson 'motion' needs a joint goal; solve_ik gives one for a position")
+        problem = require_query(self.name, scene, problem) or load_problems("planar2r_path")["over_the_seam"]
         self.problem, self.scene = problem, problem.scene
         limits = problem.scene.limits(problem.arms)
         if not np.isfinite([limits.velocity, limits.acceleration, limits.jerk]).all():

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
-from rr1plan.lessons.lesson_scenes import length_unit
+from rr1plan.lessons.lesson_scenes import length_unit, require_query
 from rr1plan.lessons.search.lattice_search import search_lattice
 from rr1plan.lessons.search.roadmap_growth import grow_prm
 from rr1plan.lessons.search.search_record import BLOCKED, EDGE, EVENTS, REFUSED, SearchRecord
@@ -24,7 +23,7 @@ from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.viewer.page_document import pack_array
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
-from rr1plan.scene.problem import JointGoal, Problem
+from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,14 +78,7 @@ class PlanningLesson(Lesson):
     name = "planning"
 
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
-        if problem is None:
-            if scene is not None:
-                raise InputError("lesson 'planning' is about a query; give it a problem with a start and a joint goal")
-            problem = load_problems("planar2r_path")["over_the_seam"]
-        if len(problem.arms) != 1 or problem.nq != 2:
-            raise InputError(f"lesson 'planning' needs an arm of two joints, the problem has {problem.nq} columns")
-        if not isinstance(problem.goal[problem.arms[0]][0], JointGoal):
-            raise InputError("lesson 'planning' needs a joint goal; solve_ik gives one for a position")
+        problem = require_query(self.name, scene, problem) or load_problems("planar2r_path")["over_the_seam"]
         self.problem, self.scene = problem, problem.scene
         self.picture = cspace(problem.scene, problem)
         self.variants = _variants(problem)

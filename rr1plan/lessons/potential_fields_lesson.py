@@ -10,7 +10,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
-from rr1plan.lessons.lesson_scenes import length_unit, require_flat_arm
+from rr1plan.lessons.lesson_scenes import length_unit, require_flat_arm, require_query
 from rr1plan.lessons.mathml import fraction, math, power, row, sub
 from rr1plan.lessons.potential_field import (
     FINER,
@@ -54,17 +54,10 @@ class PotentialFieldsLesson(Lesson):
     _aspect = 0.4
 
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
-        if problem is None:
-            if scene is not None:
-                raise InputError(
-                    "lesson 'potential_fields' is about a query; give it a problem with a start and a joint goal"
-                )
-            shipped = load_problems("planar2r_path")["over_the_seam"].scene
-            problem = Problem(shipped, _START, JointGoal(_GOAL))
+        problem = require_query(self.name, scene, problem) or _default_query()
         require_flat_arm(self.name, problem.scene)
         goal = problem.goal[problem.arms[0]][0]
-        if not isinstance(goal, JointGoal):
-            raise InputError("lesson 'potential_fields' needs a joint goal; solve_ik gives one for a position")
+        assert isinstance(goal, JointGoal)
         self.problem, self.scene, self.goal = problem, problem.scene, np.array(goal.q)
         self.picture = cspace(problem.scene, problem)
         self.grid = coarse_grid(self.picture.grid)
@@ -132,6 +125,10 @@ class PotentialFieldsLesson(Lesson):
         steps = np.diff(path, axis=0)
         wrapped = (steps + np.pi) % (2.0 * np.pi) - np.pi
         return np.vstack([path[:1], path[0] + np.cumsum(np.where(self.grid.periodic, wrapped, steps), axis=0)])
+
+
+def _default_query() -> Problem:
+    return Problem(load_problems("planar2r_path")["over_the_seam"].scene, _START, JointGoal(_GOAL))
 
 
 def _steps(lesson: PotentialFieldsLesson) -> tuple[LessonStep, ...]:
