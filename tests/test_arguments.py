@@ -365,7 +365,10 @@ def calls(folder: Path) -> dict[str, Call]:
             for verb in ("trajectory_is_free", "first_contact_of")
         },
         "CollisionChecker.keep_margin": (checker.keep_margin, {"margin": 0.0}),
-        "CollisionChecker.move_obstacle": (checker.move_obstacle, {"name": "box", "pose": [0, 0, 0.5]}),
+        "CollisionChecker.move_obstacle": (
+            rp.CollisionChecker(scene).move_obstacle,
+            {"name": "box", "pose": [0, 0, 0.5]},
+        ),
         "CollisionChecker.is_free_ignoring": (checker.is_free_ignoring, {"q": q, "arms": frozenset({"arm"})}),
         "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{

@@ -35,6 +35,7 @@ from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
+from rr1plan.scene.scene_differences import check_same_scene
 from rr1plan.thread_locks import ExclusiveCache, exclusive
 from rr1plan.transforms import as_pose
 
@@ -513,6 +514,25 @@ def _check_reach(curve: Array, duration: float) -> None:
             reach = reach + np.abs(curve[k]) * np.float64(duration) ** k
     if not (reach <= FARTHEST).all():
         raise InputError(f"a curve that may reach {reach.max():.6g} at {duration} s, expected at most {FARTHEST:g}")
+
+
+def check_fits(checker: CollisionChecker, path: Path, scene: Scene) -> None:
+    """Require that a checker is one of the joints of a path, in their order, and of a scene.
+
+    Args:
+        checker: The checker.
+        path: The path.
+        scene: The scene; the configurations of the path's arms in it do not matter.
+
+    Raises:
+        InputError: it is not; the message says what differs.
+    """
+    if path.joint_names != checker.joint_names:
+        raise InputError(
+            f"the path has joints {', '.join(path.joint_names)}, "
+            f"the checker has {', '.join(checker.joint_names)}; expected the same"
+        )
+    check_same_scene("the checker", checker.scene, scene, checker.arms, "make one with CollisionChecker(scene, arms)")
 
 
 def _rebuild(scene: Scene, arms: tuple[str, ...], margin: float, tolerance: float) -> CollisionChecker:

@@ -6,10 +6,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from rr1plan.checks import known_name, of_kind
-from rr1plan.errors import InputError
 from rr1plan.lessons.lesson_titles import LESSONS
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
+from rr1plan.scene.scene_differences import check_same_scene
 
 if TYPE_CHECKING:
     from rr1plan.lessons.lesson import Lesson
@@ -39,8 +39,8 @@ def lesson(name: str, scene: Scene | None = None, problem: Problem | None = None
     kind, _ = LESSONS[known_name("lesson", name, LESSONS)]
     of_kind("scene", scene, Scene, optional=True)
     of_kind("problem", problem, Problem, optional=True)
-    if problem is not None and scene is not None and problem.scene is not scene:
-        raise InputError("the problem is about another scene; give its own, or leave out scene")
+    if problem is not None and scene is not None:
+        check_same_scene("the problem", problem.scene, scene, (), "give its own, or leave out scene")
     made: Lesson = getattr(import_module(f"rr1plan.lessons.{name}_lesson"), kind)(
         problem.scene if problem is not None else scene, problem
     )

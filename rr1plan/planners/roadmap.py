@@ -19,6 +19,7 @@ from rr1plan.planners.roadmap_graph import Graph
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_plan_arguments
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
+from rr1plan.scene.scene_differences import check_same_scene
 from rr1plan.thread_locks import per_process
 
 _SAMPLES = 600
@@ -134,13 +135,7 @@ class Roadmap(Planner):
                 f"the problem moves {', '.join(problem.arms)}, but the roadmap is for {', '.join(self.arms)}; "
                 "build one for these arms"
             )
-        if problem.scene is self.scene:
-            return
-        if _fixed_content_hash(problem.scene, self.arms) != _fixed_content_hash(self.scene, self.arms):
-            raise InputError(
-                f"the problem is in another scene ({problem.scene.name!r}) than the roadmap ({self.scene.name!r}), or "
-                "something in it has changed; build a roadmap for it"
-            )
+        check_same_scene("the roadmap", self.scene, problem.scene, self.arms, "build a roadmap for that of the problem")
 
 
 class RoadmapPlanner(Planner):
@@ -218,10 +213,3 @@ def _solve(query: Query, graph: Graph, *, learn: bool) -> PlanResult:
     if learn:
         graph.learn(waypoints)
     return query.result(PlanStatus.FOUND, waypoints)
-
-
-def _fixed_content_hash(scene: Scene, arms: Sequence[str]) -> str:
-    """Hash of a scene's content, ignoring the configurations of its moving arms."""
-    for name in arms:
-        scene = scene.with_configuration(name, scene.arm(name).robot.home)
-    return scene.content_hash

@@ -18,7 +18,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, as_seed, of_kind, positive_number, whole_number
 from rr1plan.collision import CollisionChecker
-from rr1plan.errors import InputError
+from rr1plan.collision.checker import check_fits
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
@@ -60,18 +60,15 @@ def shorten(
 
     Raises:
         UnknownNameError: a joint's arm is not in the scene.
-        InputError: another set of joints, a count that is negative or too large, or no time at all.
+        InputError: a checker of other joints or another scene, a count that is negative or too large, or no time at
+            all.
     """
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
     of_kind("checker", checker, CollisionChecker, optional=True)
     if checker is None:
         checker = CollisionChecker(scene, path.arms)
-    if path.joint_names != checker.joint_names:
-        raise InputError(
-            f"the path has joints {', '.join(path.joint_names)}, "
-            f"the checker has {', '.join(checker.joint_names)}; expected the same"
-        )
+    check_fits(checker, path, scene)
     iterations = whole_number("iterations", iterations, 0, _MOST_ITERATIONS)
     smooth = whole_number("smooth", smooth, 0, _MOST_SMOOTH)
     if type(seconds) is not float or seconds != math.inf:

@@ -80,16 +80,16 @@ def retime(
 
     Raises:
         UnknownNameError: no such method, or a joint's arm is not in the scene.
-        InputError: the path's joints are not those of the scene's arms, a scale or size out of range.
+        InputError: the path's joints are not those of the scene's arms, a checker of other joints or another scene, a
+            scale or size out of range.
         RetimingError: a moving joint without a limit, gravity torque above an effort limit, or a
             failure of the solver; the message names the joint or the waypoints.
     """
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
     known_name("retiming method", method, _METHODS)
-    if checker is not None and not callable(getattr(checker, "polynomial_is_free", None)):
-        raise InputError(f"checker is of type {type(checker).__name__}, expected a CollisionChecker")
     arms = _arms(path, scene)
+    _check_certifier(checker, path, scene)
     velocity, acceleration = (
         _share("velocity_scale", velocity_scale),
         _share("acceleration_scale", acceleration_scale),
@@ -159,6 +159,17 @@ def _naming_estimates(scene: Scene, arms: tuple[str, ...]) -> Iterator[None]:
         if not links:
             raise
         raise RetimingError(f"{error}; the masses of {', '.join(links)} are estimates") from error
+
+
+def _check_certifier(checker: CurveChecker | None, path: Path, scene: Scene) -> None:
+    if checker is None:
+        return
+    if not callable(getattr(checker, "polynomial_is_free", None)):
+        raise InputError(f"checker is of type {type(checker).__name__}, expected a CollisionChecker")
+    from rr1plan.collision.checker import CollisionChecker, check_fits
+
+    if isinstance(checker, CollisionChecker):
+        check_fits(checker, path, scene)
 
 
 def _certifier(scene: Scene, arms: tuple[str, ...]) -> CurveChecker:

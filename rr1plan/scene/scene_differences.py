@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 
 from rr1plan.checks import Array, counted, of_kind
+from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.scene import Scene
@@ -17,6 +18,8 @@ from rr1plan.shapes.content_digest import feed_digest
 from rr1plan.transforms import rotation_angle
 
 _T = TypeVar("_T")
+# Differences in a message.
+_MOST_CHANGES = 3
 
 
 def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
@@ -45,6 +48,44 @@ def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
     if list(before.arms) != list(after.arms) and set(before.arms) == set(after.arms):
         found.append(f"the arms are in another order: {', '.join(after.arms)}")
     return tuple(found)
+
+
+def check_same_scene(what: str, own: Scene, scene: Scene, arms: Sequence[str], advice: str) -> None:
+    """Require that something made for one scene is used in that scene, or one with equal content.
+
+    Args:
+        what: What was made for a scene, for messages.
+        own: The scene it was made for.
+        scene: The scene it is used in.
+        arms: Arms whose configurations do not matter, because they move.
+        advice: What to do instead, for messages.
+
+    Raises:
+        InputError: the scenes differ; the message says in what.
+    """
+    # Identity first: the first hash of a scene takes a millisecond, shorten a tenth of one.
+    if own is scene:
+        return
+    one, two = _at_home(own, arms), _at_home(scene, arms)
+    if one.content_hash != two.content_hash:
+        changes = ", ".join(scene_differences(one, two)[:_MOST_CHANGES])
+        raise InputError(
+            f"{what} is for another scene, {own.name!r}, than the given {scene.name!r}, with these differences: "
+            f"{changes}; {advice}"
+        )
+
+
+def _at_home(scene: Scene, arms: Sequence[str]) -> Scene:
+    """The scene with those of the arms that it has at home."""
+    key = "with arms at home", tuple(arms)
+    if key not in scene.kept:
+        home = scene
+        for name in arms:
+            if name in scene.arms:
+                home = home.with_configuration(name, scene.arms[name].robot.home)
+        scene.kept[key] = home
+    kept: Scene = scene.kept[key]
+    return kept
 
 
 def _by_name(kind: str, before: Mapping[str, _T], after: Mapping[str, _T], compare: Any) -> Iterator[str]:

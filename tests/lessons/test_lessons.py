@@ -261,7 +261,7 @@ def test_wrong_questions_are_refused() -> None:
         rp.lesson("workspace", problem=problem)
     with pytest.raises(rp.InputError, match="is about a query"):
         rp.lesson("no_path", scene)
-    with pytest.raises(rp.InputError, match="about another scene"):
+    with pytest.raises(rp.InputError, match="for another scene"):
         rp.lesson("workspace", own_scene(), problem)
 
 

@@ -119,6 +119,21 @@ def test_another_set_of_joints_is_refused(gantry):
         shorten(Path(("a", "b"), np.zeros((2, 2))), gantry.scene, checker=gantry)
 
 
+def test_a_checker_of_another_scene_is_refused(gantry):
+    path = gantry_path(DETOUR)
+    with pytest.raises(InputError, match=r"'scene', .* padding is 10 mm, was 0 mm; make one with CollisionChecker"):
+        shorten(path, gantry.scene.with_padding(0.01), checker=gantry)
+    moved = CollisionChecker(gantry.scene)
+    moved.move_obstacle("block", [0.0, 0.1, 0.0])
+    with pytest.raises(InputError, match=r"another scene.*obstacle 'block' moved by 100 mm"):
+        shorten(path, gantry.scene, checker=moved)
+    # Equal content is enough, and the configuration of a moving arm does not matter.
+    same = gantry_scene().with_configuration("g", [1.0, 1.0])
+    assert shorten(path, same, checker=gantry, rng=1).waypoints.tobytes() == (
+        shorten(path, gantry.scene, checker=gantry, rng=1).waypoints.tobytes()
+    )
+
+
 @pytest.mark.parametrize("wrong", [{"iterations": -1}, {"smooth": -1}, {"seconds": 0.0}, {"seconds": float("nan")}])
 def test_a_senseless_budget_is_refused(gantry, wrong):
     with pytest.raises(InputError):

@@ -283,6 +283,18 @@ def test_without_a_checker_the_scene_itself_certifies(rr1):
     assert trajectory.duration < retime(rp.Path(scene.joint_names(), points), scene, method="stop").duration
 
 
+def test_a_checker_of_another_scene_or_other_joints_is_refused(tools):
+    scene = tools.shapeless_scene(tools.limits_of(2))
+    path = rp.Path(scene.joint_names(), np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]))
+    block = scene.with_obstacle("block", rp.Box((1.0, 1.0, 1.0)), [5.0, 0.0, 0.0])
+    with pytest.raises(rp.InputError, match=r"checker is for another scene.*obstacle 'block' is new; make one"):
+        retime(path, block, checker=rp.CollisionChecker(scene))
+    both = scene.with_arm("b", scene.arm("a").robot)
+    with pytest.raises(rp.InputError, match=r"the path has joints a/j0, a/j1, the checker has b/j0"):
+        retime(path, both, checker=rp.CollisionChecker(both, ["b"]))
+    assert retime(path, both, checker=rp.CollisionChecker(both, ["a"])).duration > 0.0
+
+
 @pytest.mark.parametrize("wrong", [None, 3, "path", [[0.0, 0.0], [1.0, 0.0]], {}])
 def test_what_is_no_path_no_scene_or_no_checker_is_named(tools, wrong):
     scene = tools.shapeless_scene(tools.limits_of(2))
