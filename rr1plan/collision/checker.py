@@ -22,6 +22,7 @@ from rr1plan.checks import (
     finite_array,
     finite_number,
     known_name,
+    near_array,
     number_from_zero,
     of_kind,
     positive_number,
@@ -264,7 +265,7 @@ class CollisionChecker(CoalChecker):
             q: Configuration [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         q = self.checked(q)
         with self._lock:
@@ -281,9 +282,9 @@ class CollisionChecker(CoalChecker):
             Booleans, shape (n,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
-        q = finite_array("q", q, (None, self.nq))
+        q = near_array("q", q, (None, self.nq))
         statuses = self._certify_many(q, q)
         free: NDArray[np.bool_] = statuses == FREE
         for i in np.flatnonzero(~free & (statuses != CONTACT)):
@@ -301,7 +302,7 @@ class CollisionChecker(CoalChecker):
             arms: Arms whose pairs are ignored.
 
         Raises:
-            InputError: wrong shape or not finite, or elements whose distance cannot be measured.
+            InputError: wrong shape, not finite or beyond ±1e4, or elements whose distance cannot be measured.
         """
         q = self.checked(q)
         of_kind("arms", arms, frozenset)
@@ -329,7 +330,7 @@ class CollisionChecker(CoalChecker):
             q1: End [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         q0, q1 = self.checked(q0), self.checked(q1)
         with self._lock:
@@ -347,10 +348,10 @@ class CollisionChecker(CoalChecker):
             Booleans, shape (n,).
 
         Raises:
-            InputError: wrong shapes or not finite.
+            InputError: wrong shapes, not finite or beyond ±1e4.
         """
-        q0 = finite_array("q0", q0, (None, self.nq))
-        q1 = finite_array("q1", q1, q0.shape)
+        q0 = near_array("q0", q0, (None, self.nq))
+        q1 = near_array("q1", q1, q0.shape)
         free: NDArray[np.bool_] = self._certify_many(q0, q1) == FREE
         self.edges_checked += len(free)
         return free
@@ -364,7 +365,7 @@ class CollisionChecker(CoalChecker):
             q1: End [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         q0, q1 = self.checked(q0), self.checked(q1)
         return self._certify_exactly(np.array([q0, q1 - q0]), 1.0)[0] == FREE
@@ -377,11 +378,11 @@ class CollisionChecker(CoalChecker):
             waypoints: A `Path` of the moving arms, or configurations [rad or m], shape (n, nq).
 
         Raises:
-            InputError: wrong shape, no waypoint, not finite, or a path of other joints.
+            InputError: wrong shape, no waypoint, not finite or beyond ±1e4, or a path of other joints.
         """
         if isinstance(waypoints, Path):
             waypoints = self._in_order(waypoints)
-        points = finite_array("waypoints", waypoints, (None, self.nq))
+        points = near_array("waypoints", waypoints, (None, self.nq))
         if len(points) == 0:
             raise InputError("a path has at least one waypoint, got none")
         if not self.static_is_free:
@@ -425,7 +426,7 @@ class CollisionChecker(CoalChecker):
             precision: How much later than `fraction` the contact may be, as a fraction of the line.
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         q0, q1 = self.checked(q0), self.checked(q1)
         return self._first_contact(np.array([q0, q1 - q0]), 1.0, positive_number("precision", precision))

@@ -7,7 +7,7 @@ touch). Joint limits are checked separately: see `CollisionChecker.limit_violati
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import isfinite
+from math import hypot
 from threading import RLock
 from typing import Any, TypeGuard
 
@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import (
+    FARTHEST,
     Array,
-    finite_array,
     finite_number,
     items_of,
+    near_array,
     number_from_zero,
     of_kind,
     read_only,
@@ -83,7 +84,6 @@ class CoalChecker:
         self.solid_padding: Array = read_only(self._kept_padding.view())
         self.margin = margin
         self.nq = sum(scene.arms[name].robot.nq for name in self.arms)
-        self._tiny: Array = np.full(self.nq, 1e-10)
 
     @property
     def scene(self) -> Scene:
@@ -169,7 +169,7 @@ class CoalChecker:
         """Joints outside their position limits, with the excess of each [rad or m].
 
         Raises:
-            InputError: q has the wrong shape or is not finite.
+            InputError: q has the wrong shape, is not finite or beyond ±1e4.
         """
         q = self.checked(q)
         excess = np.maximum(self.limits.lower - q, q - self.limits.upper)
@@ -182,7 +182,7 @@ class CoalChecker:
             q: Configuration [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         return not self.limit_violations(q)
 
@@ -196,7 +196,7 @@ class CoalChecker:
             q: Configuration [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         moving = self._placed(q)
         return self.static_is_free and not moving.any_touches()
@@ -209,7 +209,7 @@ class CoalChecker:
             q: Configuration [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         moving = self._placed(q)
         touching = list(self._static.touching)
@@ -233,7 +233,7 @@ class CoalChecker:
             q: Configuration [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         out = self._static.distances.copy()
         np.minimum.at(out, self.solid_owner, self.solid_distances(q))
@@ -247,7 +247,7 @@ class CoalChecker:
             q: Configuration [rad or m], shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
         distances = self.solid_distances(q)
         least = min(float(distances.min(initial=np.inf)), self._static.nearest.distance)
@@ -271,7 +271,7 @@ class CoalChecker:
             most: Larger distances are not computed [m].
 
         Raises:
-            InputError: wrong shape or not finite, or elements whose distance cannot be measured.
+            InputError: wrong shape, not finite or beyond ±1e4, or elements whose distance cannot be measured.
         """
         q = self.checked(q)
         most = most if type(most) is float and most > 0.0 else finite_number("most", most)
@@ -287,7 +287,7 @@ class CoalChecker:
             most: Larger distances are not computed [m].
 
         Raises:
-            InputError: wrong shape or not finite, or elements whose distance cannot be measured.
+            InputError: wrong shape, not finite or beyond ±1e4, or elements whose distance cannot be measured.
         """
         q = self.checked(q)
         most = most if type(most) is float and most > 0.0 else finite_number("most", most)
@@ -332,7 +332,7 @@ class CoalChecker:
             pairs: Indices of pairs, shape (m,) (default: all).
 
         Raises:
-            InputError: wrong shape or not finite, or pair numbers that do not exist.
+            InputError: wrong shape, not finite or beyond ±1e4, or pair numbers that do not exist.
         """
         if pairs is None:
             return self._placed(q).distances()
@@ -351,21 +351,21 @@ class CoalChecker:
             pair: Index of the pair.
 
         Raises:
-            InputError: wrong shape or not finite, or a pair number that does not exist.
+            InputError: wrong shape, not finite or beyond ±1e4, or a pair number that does not exist.
         """
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q, np.array([pair])).distance(pair)[1:]
 
     def checked(self, q: ArrayLike) -> Array:
-        """The configuration q as an array of finite numbers, shape (nq,).
+        """The configuration q as an array of numbers within ±1e4, shape (nq,).
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or beyond ±1e4.
         """
-        # A weighted sum, because that of squares overflows for finite values.
-        if is_plain(q, (self.nq,)) and isfinite(q.dot(self._tiny)):
+        # Fast, without overflow, and false for NaN.
+        if is_plain(q, (self.nq,)) and hypot(*q.tolist()) <= FARTHEST:
             return q
-        return finite_array("q", q, (self.nq,))
+        return near_array("q", q, (self.nq,))
 
     # ---- inside ---------------------------------------------------------------------------
 
