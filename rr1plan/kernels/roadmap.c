@@ -5,16 +5,13 @@
 #include "random.h"
 #include "roadmap.h"
 
-// The difference of two angles wrapped to [-pi, pi].
-INLINE double short_way(double difference) { return difference - WHOLE_TURN * __builtin_rint(difference / WHOLE_TURN); }
-
 // Distance of two vertices, with joints that wrap.
 static double vertex_distance(const RoadmapGraph *graph, int64_t a, int64_t b) {
     double square = 0.0;
     for (int64_t j = 0; j < graph->column_count; j++) {
         const double *row = graph->vertices + j * graph->capacity;
         double difference = row[a] - row[b];
-        if (graph->wraps[j]) difference = short_way(difference);
+        if (graph->wraps[j]) difference -= nearest_turns(difference, WHOLE_TURN);
         square += difference * difference;
     }
     return sqrt_number(square);
@@ -31,7 +28,8 @@ static int64_t find_neighbors(const RoadmapGraph *graph, int64_t count, const do
         double value = q[j];
         if (graph->wraps[j]) {
             for (int64_t i = 0; i < count; i++) {
-                double difference = short_way(row[i] - value);
+                double difference = row[i] - value;
+                difference -= nearest_turns(difference, WHOLE_TURN);
                 squares[i] += difference * difference;
             }
         } else {
