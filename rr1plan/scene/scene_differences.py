@@ -9,6 +9,7 @@ import numpy as np
 
 from rr1plan.checks import Array, counted, of_kind
 from rr1plan.errors import InputError
+from rr1plan.object_cache import kept_in
 from rr1plan.robot import Geometry, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.scene import Scene
@@ -77,15 +78,15 @@ def check_same_scene(what: str, own: Scene, scene: Scene, arms: Sequence[str], a
 
 def _at_home(scene: Scene, arms: Sequence[str]) -> Scene:
     """The scene with those of the arms that it has at home."""
-    key = "with arms at home", tuple(arms)
-    if key not in scene.kept:
+
+    def move() -> Scene:
         home = scene
         for name in arms:
             if name in scene.arms:
                 home = home.with_configuration(name, scene.arms[name].robot.home)
-        scene.kept[key] = home
-    kept: Scene = scene.kept[key]
-    return kept
+        return home
+
+    return kept_in(scene.kept, ("with arms at home", tuple(arms)), move)
 
 
 def _by_name(kind: str, before: Mapping[str, _T], after: Mapping[str, _T], compare: Any) -> Iterator[str]:

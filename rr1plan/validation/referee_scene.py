@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
+from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 from rr1plan.validation.contact_paddings import Elements, block_paddings, rules_by_owners
 from rr1plan.validation.referee_models import HeldThing, RefereeModel, obstacle_model, robot_model
@@ -150,7 +151,4 @@ def referee_scene(scene: Scene) -> RefereeScene:
     Raises:
         InputError: two half-spaces that must not touch, or a joint that follows no joint with a value.
     """
-    kept: RefereeScene | None = scene.kept.get("referee")
-    if kept is None:
-        kept = scene.kept["referee"] = RefereeScene(scene)
-    return kept
+    return kept_in(scene.kept, "referee", lambda: RefereeScene(scene))
