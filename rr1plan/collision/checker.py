@@ -52,7 +52,7 @@ class FirstContact(Value):
 
     Args:
         fraction: The edge is certified free up to this fraction of it, 0..1.
-        q: The configuration there, shape (nq,).
+        q: The configuration there, free unless the edge begins in contact; shape (nq,).
         pair: The elements in contact.
     """
 
@@ -451,8 +451,11 @@ class CollisionChecker(CoalChecker):
         free, blocked = 0.0, 1.0
         while blocked - free > precision:
             middle = 0.5 * (free + blocked)
-            part = shifted_polynomial(curve, free * duration)
+            part, end = (shifted_polynomial(curve, fraction * duration) for fraction in (free, middle))
             status, _, found = self._certify_exactly(part, (middle - free) * duration)
+            if status == FREE:
+                # Proofs of motions allow smaller gaps at their ends than those of configurations.
+                status, _, found = self._certify_exactly(end[:1], 0.0)
             if status == FREE:
                 free = middle
             else:
