@@ -21,6 +21,7 @@ from rr1plan.motion_plan import MotionPlan
 from rr1plan.planners import chosen_planner, plan, planner_names
 from rr1plan.planners.goal_configurations import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
+from rr1plan.planners.timeout_hints import split_budget
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_plan_arguments
 from rr1plan.planning_constants import SHORTCUTS, TREES
 from rr1plan.retiming import retime, retiming_names
@@ -66,7 +67,8 @@ def plan_motion(
         shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) are not.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm if it has none),
             for an arm with tracking errors of a fraction of a millimeter. It is halved until the clearance of start and
-            goal is twice as large, and is zero if no configuration found for a goal pose has it.
+            goal is twice as large, and is zero if no configuration found for a goal pose has it, or if no path with it
+            is found but one without, for which a tenth of the budget (at most 1 s) is reserved.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When to stop the planner (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -98,18 +100,11 @@ def plan_motion(
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
             margin = halved_margin(problem, (problem.margin or TREES.margin) if margin is None else margin)
-            roomy = problem.with_margin(margin)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
-        result = plan(roomy, planner=chosen, budget=budget, rng=seed, progress=progress)
-        if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
-            margin = 0.0
-            result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=seed, progress=progress)
+        result, margin = _plan_with_margin(problem, margin, chosen, budget or Budget(), seed, progress)
     if result.path is None:
-        if margin > 0.0 and result.status is PlanStatus.TIMEOUT:
-            kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (option margin)"
-            result = replace(result, reason=f"{result.reason}; {kept}")
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
@@ -133,6 +128,32 @@ def plan_motion(
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report, _judge=judge)
+
+
+def _plan_with_margin(
+    problem: Problem, margin: float, planner: Planner, budget: Budget, seed: int, progress: ProgressCallback | None
+) -> tuple[PlanResult, float]:
+    """The result of a planner, and the margin that its search kept: zero if only a search without it finds a path."""
+
+    def search(margin: float, budget: Budget) -> PlanResult:
+        return plan(problem.with_margin(margin), planner=planner, budget=budget, rng=seed, progress=progress)
+
+    if margin == 0.0:
+        return search(0.0, budget), 0.0
+    most, rest = split_budget(budget)
+    result = search(margin, most)
+    if result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
+        return search(0.0, budget), 0.0
+    if result.status is not PlanStatus.TIMEOUT:
+        return result, margin
+    reason = f"{result.reason}; the search kept {1000.0 * margin:.3g} mm beyond the padding (option margin)"
+    if rest is not None:
+        # A passage may be narrower than the margin, and easily found without it.
+        without = search(0.0, rest)
+        if without.status is not PlanStatus.TIMEOUT:
+            return without, 0.0
+        reason += ", and a brief one without found no path"
+    return replace(result, reason=reason), margin
 
 
 def _known_planner(planner: str | Planner) -> str | Planner:

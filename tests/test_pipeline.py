@@ -211,6 +211,31 @@ def test_a_search_that_ran_out_of_budget_says_which_margin_it_kept() -> None:
         assert kept in motion.result.reason if kept else "beyond the padding" not in motion.result.reason
 
 
+def test_a_passage_narrower_than_the_margin_is_found_without() -> None:
+    """A wall with a gap of 1 mm more than a ball: half the margin on each side."""
+    links = (rp.Link("base"), rp.Link("cart"), rp.Link("ball", collisions=(rp.Geometry("ball", rp.Sphere(0.05)),)))
+    slide = {"lower": -1.0, "upper": 1.0}
+    joints = (
+        rp.Joint("x", "prismatic", "base", "cart", axis=np.array([1.0, 0.0, 0.0]), **slide),
+        rp.Joint("y", "prismatic", "cart", "ball", axis=np.array([0.0, 1.0, 0.0]), **slide),
+    )
+    limits = rp.Limits(np.full(2, -1.0), np.full(2, 1.0), *(np.ones(2) for _ in range(4)))
+    robot = rp.Robot("ball", links, joints, ("x", "y"), limits, {"home": np.zeros(2)}, {}, frozenset(), "ball")
+    scene = rp.Scene().with_arm("arm", robot)
+    for name, side in (("left", -1.0), ("right", 1.0)):
+        scene = scene.with_obstacle(name, rp.Box((0.1, 2.0, 0.2)), [0.0, side * 1.0505, 0.0])
+    problem = rp.Problem(scene, [-0.5, 0.0], [0.5, 0.0])
+    motion = rp.plan_motion(problem, rng=0, budget=rp.Budget(iterations=1000))
+    assert motion.valid
+    assert motion.margin == 0.0
+    closed = problem.in_scene(scene.with_obstacle_at("left", [0.0, -1.04, 0.0]))
+    motion = rp.plan_motion(closed, rng=0, budget=rp.Budget(iterations=1000))
+    assert motion.status is rp.PlanStatus.TIMEOUT
+    assert motion.result.reason.endswith(
+        "kept 2 mm beyond the padding (option margin), and a brief one without found no path"
+    )
+
+
 def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     tip = scene.link_poses({"arm": np.zeros(2)})["arm/tool"][:3, 3]

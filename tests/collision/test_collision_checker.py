@@ -371,7 +371,8 @@ def test_the_first_contact_divides_free_from_not(scenes):
             continue
         found += 1
         assert motion.edge_is_free(q0, q0 + 0.999 * (contact.q - q0))
-        assert motion.is_free(contact.q) and motion.edge_is_free(contact.q, contact.q)
+        assert motion.is_free(contact.q)
+        assert motion.edge_is_free(contact.q, contact.q)
         assert clearance(motion, contact.q) < 1e-4
         distance = dict(zip(motion.pairs, motion.distances(contact.q), strict=True))[contact.pair]
         assert distance < 1e-4
