@@ -35,8 +35,8 @@ typedef struct {
 typedef struct {
     const Chain *chain;
     const IkTarget *target;
-    // Per column of q, shape (nq,): limits, box of random starts, whether values are equivalent modulo 2 pi, and
-    // the configuration nearest to which a copy of a solution is chosen.
+    // Per column of q, shape (nq,): limits, box of random starts (an extent of 0: the preferred value), whether values
+    // are equivalent modulo 2 pi, and the configuration nearest to which a copy of a solution is chosen.
     const double *lower;
     const double *upper;
     const double *corner;

@@ -221,7 +221,10 @@ static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTar
         aim->lower[r] += draw_uniform(random) * (search->target->upper[r] - search->target->lower[r]);
         aim->upper[r] = aim->lower[r];
     }
-    for (int64_t j = 0; j < nq; j++) q[j] = search->corner[j] + draw_uniform(random) * search->extent[j];
+    for (int64_t j = 0; j < nq; j++) {
+        double share = draw_uniform(random);
+        q[j] = search->extent[j] > 0.0 ? search->corner[j] + share * search->extent[j] : search->preferred[j];
+    }
     return narrower;
 }
 

@@ -49,7 +49,8 @@ class IkSearch:
         robot: The robot with these joints.
         goal: Goal of the frame.
         seeds: First starts, within the limits, shape (k, nq), k >= 1. Of all copies of a solution modulo whole turns,
-            the nearest to the first seed counts.
+            the nearest to the first seed counts. In random starts, joints that do not move the frame are as in the
+            first seed, until all solutions of `attempts` starts are rejected.
         state: State of the random numbers; it advances.
 
     Attributes:
@@ -77,6 +78,10 @@ class IkSearch:
         self._state, self._seeds = state, seeds
         self._solutions, self._nearest = np.empty((_CAPACITY, robot.nq)), seeds[0].copy()
         lower, upper, corner, extent, wraps = _joint_rows(robot)
+        self._extent = extent
+        idle = np.ones(robot.nq, np.bool_)
+        idle[chain.joints[:, 1]] = False
+        self._has_idle = bool(idle.any())
         self._struct = CStruct(
             "IkSearch",
             chain=chain.struct,
@@ -84,7 +89,7 @@ class IkSearch:
             lower=lower,
             upper=upper,
             corner=corner,
-            extent=extent,
+            extent=np.where(idle, 0.0, extent),
             wraps=wraps,
             preferred=seeds[0],
             seeds=seeds,
@@ -147,6 +152,8 @@ class IkSearch:
         random state. The first of them are the configurations that came closest, clipped to the limits: random
         descents rarely end where several joints are at a limit.
 
+        If all solutions were rejected, as many further starts vary the joints too that do not move the frame.
+
         Args:
             attempts: Number of starts.
             accept: See `solve_ik`.
@@ -159,6 +166,10 @@ class IkSearch:
             if len(beyond) or self._came_near():
                 self._widen(beyond)
                 found = self._collect(attempts, accept, most, patience)
+        if self._has_idle and self.rejected and not self.accepted:
+            self._has_idle = False
+            self._struct.set(extent=self._extent)
+            found = self._collect(attempts, accept, most, patience)
         return found
 
     def _came_near(self) -> bool:

@@ -95,6 +95,8 @@ def solve_ik(
     Solutions are distinct if they differ by at least 0.001 rad (or m) in some joint, or by 0.2 if the arm has more
     joints than the goal needs and solutions form a continuum. They use at most nine tenths of the goal's tolerance.
     If there is none, but a descent came near or reaches the goal outside the limits, a second attempt uses all of it.
+    Joints that do not move the frame keep their values of the seeds; if `accept` rejects all solutions found so, a
+    further attempt varies them too.
 
     Args:
         kinematics: Kinematics of one moving arm: of its scene, of the robot alone, or `kinematics.for_arm(name)` of
@@ -104,7 +106,7 @@ def solve_ik(
         seeds: First starts [rad or m], shape (nq,) or (k, nq), clipped to the limits
             (default: the arm's configuration in the scene).
         accept: Called with each distinct solution (nq,); False rejects it, e.g. one that is in collision.
-        attempts: Number of starts, seeds included; a second attempt has as many again.
+        attempts: Number of starts, seeds included; each further attempt has as many again.
         max_solutions: Stop after this number of accepted solutions (default: return all that are found).
         patience: Once there is an accepted solution, stop after this number of consecutive starts without a new one
             (default: never).

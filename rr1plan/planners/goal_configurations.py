@@ -207,8 +207,10 @@ class _Finder:
             return
         link = f"{self.arm}/{frame_link(self.robot, goal.frame)}"
         chain = chain_of(self.motion.model.arm_model, link, self.first)
-        limits = self.robot.limits
-        seeds = np.clip([self.start, self.robot.home], limits.lower, limits.upper)
+        limits, columns, home = self.robot.limits, chain.joints[:, 1], self.start.copy()
+        # Joints that do not move the frame stay where they are.
+        home[columns] = self.robot.home[columns]
+        seeds = np.clip([self.start, home], limits.lower, limits.upper)
         search = IkSearch(chain, self.robot, goal, seeds, self.state)
         self.searches.append(search)
         self._collect(search, most)

@@ -13,6 +13,7 @@ from rr1plan.planning import PlanStatus
 from rr1plan.scene import Arm, Scene
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.shapes import Box, Sphere
+from rr1plan.transforms import pose
 
 FREE = np.array([0.3, 0.1, 0.4, -0.5, 1.0, 0.2])
 
@@ -300,3 +301,38 @@ def test_plain_questions_are_sorted_out_as_others_are(name):
                 np.testing.assert_array_equal(answer.path.waypoints[-1], query.goals[lines.index(True)])
                 ends["lines"] += 1
     assert min(ends.values()) > 0
+
+
+def two_branches() -> rp.Robot:
+    """A torso with a left and a right arm of two joints each; the tool is at the end of the right one."""
+    links, joints = [rp.Link("torso")], []
+    for side, y in (("left", 0.3), ("right", -0.3)):
+        for k, (parent, x) in enumerate((("torso", 0.0), (f"{side}0", 0.4))):
+            bar = rp.Geometry("bar", Box((0.4, 0.04, 0.04)), pose([0.2, 0.0, 0.0]))
+            links.append(rp.Link(f"{side}{k}", collisions=(bar,)))
+            origin = pose([x, y if k == 0 else 0.0, 0.0])
+            axis, turn = np.array([0.0, 0.0, 1.0]), {"lower": -3.0, "upper": 3.0}
+            joints.append(rp.Joint(f"{side}{k}", "revolute", parent, f"{side}{k}", origin, axis=axis, **turn))
+    names = tuple(joint.name for joint in joints)
+    links.append(rp.Link("hand"))
+    joints.append(rp.Joint("hand", "fixed", "right1", "hand", pose([0.4, 0.0, 0.0])))
+    limits = rp.Limits(np.full(4, -3.0), np.full(4, 3.0), *(np.ones(4) for _ in range(4)))
+    elbows = frozenset(frozenset((f"{side}0", f"{side}1")) for side in ("left", "right"))
+    settings = ({"home": np.zeros(4)}, {}, elbows, "hand")
+    return rp.Robot("torso", tuple(links), tuple(joints), names, limits, *settings)
+
+
+def test_joints_that_do_not_move_the_tool_stay_unless_they_are_in_the_way():
+    scene, left = alone(two_branches()), [0.5, 0.3]
+    goal = PoseGoal("hand", [0.3, -0.7, 0.0])
+    goals = goals_of(Problem(scene, [*left, 0.0, 0.0], goal)).configurations
+    assert len(goals) == 2
+    np.testing.assert_array_equal(goals[:, :2], [left] * len(goals))
+    # Here the other arm is on the goal, in both configurations of this one.
+    across = [-1.2, 0.0]
+    goal = PoseGoal("hand", [0.109, 0.02, 0.0])
+    problem = Problem(scene, [*across, -1.5, 0.0], goal)
+    assert start_of(problem) == ""
+    goals = goals_of(problem).configurations
+    assert len(goals) >= 1
+    assert (np.abs(goals[:, :2] - across).max(axis=1) > 0.1).all()
