@@ -44,3 +44,14 @@ def fraction_callback(stage: str, progress: ProgressCallback | None) -> Callable
             raise CancelledError(f"cancelled: the progress callback returned False in stage {stage!r}")
 
     return report
+
+
+def step_callback(report: Callable[[float], None], step: int, steps: int) -> Callable[[float], None]:
+    """A function that reports the fraction of one step as the fraction of all.
+
+    Args:
+        report: Reports the fraction of all steps.
+        step: The step, from 0.
+        steps: The number of steps.
+    """
+    return lambda fraction: report((step + fraction) / steps)

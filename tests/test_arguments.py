@@ -451,7 +451,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None}
             | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
-        "plan_graph": (rp.plan_graph, {"plan": many}),
+        "plan_graph": (rp.plan_graph, {"plan": many, "progress": None}),
         "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": [], "stop": True}),
         "StraightLine": (
             rp.StraightLine,

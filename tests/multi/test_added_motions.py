@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import pickle
 from dataclasses import replace
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi.execution import added_motions
 from rr1plan.multi.execution.running_plan import stops_of
+from rr1plan.multi.execution.running_routes import running_route
+from rr1plan.multi.timing.passing_order import closed_diagram
 from rr1plan.planning import Budget
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Geometry, Joint, Link
@@ -91,11 +94,50 @@ def test_goals_keep_coming(count: int, spacing: float, rr1: rp.Robot) -> None:
     _assert_late_executions_are_safe(plan, rng)
 
 
+def _assert_all_blocked_cells_are_ordered(plan: rp.RunningPlan, graph: rp.PlanGraph) -> None:
+    """Steps on paths far apart in time have an order, too, which may follow from other dependencies."""
+    clocks = _clocks(graph)
+    far = 0
+    for i, j in combinations(range(len(plan.arms)), 2):
+        one, two = (running_route(plan.parts[plan.arms[k]]) for k in (i, j))
+        for k, m in product(range(len(one.parts)), range(len(two.parts))):
+            part, other = one.parts[k], two.parts[m]
+            blocked = closed_diagram(part.path, other.path, 0.0)
+            if blocked is None:
+                continue
+            rows, columns = one.steps_of(k), two.steps_of(m)
+            for a, b in np.argwhere(blocked[np.ix_(part.rows[: len(rows)], other.rows[: len(columns)])]).tolist():
+                if 0 < a < len(rows) - 1 and 0 < b < len(columns) - 1:  # rests between paths belong to both
+                    step, against = rows[a], columns[b]
+                    first = clocks[j][against][i] > step
+                    assert first != (clocks[i][step][j] > against)
+                    far += abs(k - m) > 1
+    assert far
+
+
+def _clocks(graph: rp.PlanGraph) -> list[np.ndarray]:
+    """The least step of each agent when an agent enters each of its steps, shape (steps, agents) each."""
+    clocks = [np.zeros((len(route.steps), len(graph.routes)), int) for route in graph.routes]
+    for i, clock in enumerate(clocks):
+        clock[:, i] = np.arange(len(clock))
+    changed = True
+    while changed:
+        before = [clock.copy() for clock in clocks]
+        for node, after in graph.dependencies:
+            waiting = clocks[node.agent][node.step]
+            np.maximum(waiting, clocks[after.agent][after.step], out=waiting)
+        for clock in clocks:
+            np.maximum.accumulate(clock, axis=0, out=clock)
+        changed = any((a != b).any() for a, b in zip(before, clocks, strict=True))
+    return clocks
+
+
 def _assert_late_executions_are_safe(plan: rp.RunningPlan, rng: np.random.Generator) -> None:
     """All goals are reached in the order of the plan, however late arms are."""
     graph = rp.plan_graph(plan)
     assert graph.arms == plan.arms
     assert graph.dependencies
+    _assert_all_blocked_cells_are_ordered(plan, graph)
     for route in graph.routes:
         arm, times = plan.trajectory.select(route.arms[0]), route.steps.times[1:]
         np.testing.assert_allclose(arm(times), route.gridpoints[route.steps.begins[1:]], atol=1e-6)

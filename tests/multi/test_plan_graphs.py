@@ -145,6 +145,18 @@ def test_arms_that_do_not_move_have_a_graph_too(rr1: rp.Robot) -> None:
     assert rp.execute_plan(graph, scene).makespan == 0.0
 
 
+@pytest.mark.parametrize("kind", [rp.ManyArmsResult, rp.RunningPlan])
+def test_a_graph_reports_its_progress_and_can_be_cancelled(kind: type, ring: Plan) -> None:
+    _, result, _ = ring
+    plan = result if kind is rp.ManyArmsResult else rp.RunningPlan.of(result)
+    seen: list[float] = []
+    assert rp.plan_graph(plan, progress=lambda p: seen.append(p.fraction)).dependencies
+    assert seen == sorted(seen)
+    assert 0.0 <= seen[0] < seen[-1] <= 1.0
+    with pytest.raises(rp.CancelledError, match="'plan_graph'"):
+        rp.plan_graph(plan, progress=lambda _: False)
+
+
 def test_a_problem_without_a_plan_has_no_graph(planar2r: rp.Robot) -> None:
     scene = rp.Scene().with_arm("left", planar2r).with_arm("right", planar2r, (0.5, 0.0, 0.0))
     result = rp.plan_many_arms(rp.Problem(scene, None, {"left": [0.0, 0.0], "right": [0.1, 0.0]}))

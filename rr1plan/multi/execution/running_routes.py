@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan.checks import Array
 from rr1plan.multi.execution.route import Route, RouteSteps
 from rr1plan.multi.execution.running_plan import Part
+from rr1plan.multi.timing.coordination import cross_pairs
 from rr1plan.multi.timing.passing_order import (
     PASSING_MARGINS,
-    Cells,
+    CellIndices,
     Precedence,
     closed_diagram,
     passing_order,
+    rows_of,
+    steps_over,
+    time_between,
 )
 from rr1plan.multi.timing.schedule import Occupancy
+from rr1plan.progress import step_callback
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
 
@@ -29,19 +36,42 @@ class RunningRoute:
     Args:
         route: The routes of its parts, concatenated, as far as they are traversed.
         parts: The parts.
-        first_steps: The step of the route with which each part begins, shape (parts,). The rest between two parts is
-            one step.
+        first_steps: The step of the route with which each part begins, and the last step, shape (parts + 1,). The rest
+            between two parts is one step of both.
     """
 
     route: Route
     parts: tuple[Part, ...]
     first_steps: NDArray[np.int64]
 
-    @property
+    @cached_property
     def occupancy(self) -> Occupancy:
         """Times of each step; the rows have no meaning."""
         steps = self.route.steps
         return Occupancy(np.arange(len(steps)), steps.times, steps.leave_times)
+
+    def steps_of(self, part: int) -> range:
+        """The steps of a part, including the rest before and after it."""
+        return range(int(self.first_steps[part]), int(self.first_steps[part + 1]) + 1)
+
+    @cached_property
+    def paths_of_steps(self) -> NDArray[np.int64]:
+        """Number of paths to which each step belongs, shape (steps,)."""
+        count = np.zeros(len(self.route.steps), np.int64)
+        for k in range(len(self.parts)):
+            steps = self.steps_of(k)
+            count[steps.start : steps.stop] += 1
+        return count
+
+    @cached_property
+    def boxes(self) -> Array:
+        """Low and high corner of a box around the swept volume of each path [m], shape (parts, 6)."""
+        found = np.empty((len(self.parts), 6))
+        for box, part in zip(found, self.parts, strict=True):
+            bodies = part.path.boxes
+            part.path.release()
+            box[:] = *bodies[:, :3].min(axis=0), *bodies[:, 3:].max(axis=0)
+        return found
 
 
 def running_route(parts: Sequence[Part]) -> RunningRoute:
@@ -54,7 +84,7 @@ def running_route(parts: Sequence[Part]) -> RunningRoute:
     grids: list[Grid] = []
     stops: list[int] = []
     begins, times, is_rest = [np.zeros(1, np.int64)], [np.array([-np.inf])], [np.array([True])]
-    first_steps, pieces, gridpoints, count = [], 0, 0, 0
+    first_steps, pieces, gridpoints = [0], 0, 0
     for part in parts:
         route, passed = part.route, part.passed_steps
         steps, last = route.steps, int(route.steps.ends[passed - 1])
@@ -66,8 +96,7 @@ def running_route(parts: Sequence[Part]) -> RunningRoute:
         begins.append(steps.begins[1:passed] + gridpoints)
         times.append(np.minimum(steps.times[1:passed], part.end))  # the part may end earlier by rounding
         is_rest.append(steps.is_rest[1:passed])
-        first_steps.append(count)
-        count += passed - 1
+        first_steps.append(first_steps[-1] + passed - 1)
         pieces, gridpoints = pieces + len(route.curve.lengths), gridpoints + last
     begin, rest = np.concatenate(begins), np.concatenate(is_rest)
     first = parts[0].route
@@ -82,34 +111,72 @@ def running_route(parts: Sequence[Part]) -> RunningRoute:
     return RunningRoute(whole, tuple(parts), np.array(first_steps))
 
 
-def running_order(one: RunningRoute, two: RunningRoute, agents: tuple[int, int]) -> list[Precedence] | None:
+def running_order(
+    one: RunningRoute, two: RunningRoute, agents: tuple[int, int], advance: Callable[[float], None]
+) -> list[Precedence] | None:
     """The order of two arms with the largest margin for which there is one, see `passing_order`; None without one.
 
     Args:
         one: An arm.
         two: Another one of the same plan.
         agents: Their indices.
+        advance: Called with the fraction done.
     """
     order = None
-    for margin in PASSING_MARGINS:
-        order = passing_order(_shared_cells(one, two, margin), one.occupancy, two.occupancy, agents)
+    for k, margin in enumerate(PASSING_MARGINS):
+        cells = _shared_cells(one, two, margin, step_callback(advance, k, len(PASSING_MARGINS)))
+        order = None if cells is None else passing_order(cells, one.occupancy, two.occupancy, agents)
         if order is not None:
             break
     return order
 
 
-def _shared_cells(one: RunningRoute, two: RunningRoute, margin: float) -> Cells:
-    """The steps of two arms that must not be occupied at the same time.
+def _shared_cells(
+    one: RunningRoute, two: RunningRoute, margin: float, advance: Callable[[float], None]
+) -> CellIndices | None:
+    """The steps of two arms that must not be occupied at the same time, without some whose order follows from others'.
 
-    Between two paths the rest of an arm belongs to both, and is free if it is free on either.
+    The result is None if both arms are in such a cell at the same time.
+
+    Between two paths the rest of an arm belongs to both, and is free if it is free on either. Pairs of paths traversed
+    at about the same time come first: their order often implies that of earlier and later ones.
     """
-    hit = np.ones((len(one.route.steps), len(two.route.steps)), bool)
-    for begin, part in zip(one.first_steps.tolist(), one.parts, strict=True):
-        for first, other in zip(two.first_steps.tolist(), two.parts, strict=True):
-            block = hit[begin : begin + part.passed_steps, first : first + other.passed_steps]
-            blocked = closed_diagram(part.path, other.path, margin)
-            if blocked is None:
-                block[:] = False
-            else:
-                block &= blocked[np.ix_(part.rows[: len(block)], other.rows[: block.shape[1]])].astype(bool)
-    return hit
+    a, b = one.occupancy, two.occupancy
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+    over_one, over_two = np.zeros(len(b.enter), np.int64), np.zeros(len(a.enter), np.int64)
+    near = _near_parts(one, two, margin)
+    for done, (k, m) in enumerate(near):
+        advance(done / len(near))
+        first, second = one.steps_of(k), two.steps_of(m)
+        if over_one[second.start] >= first.stop or over_two[first.start] >= second.stop:
+            continue
+        part, other = one.parts[k], two.parts[m]
+        a_rows, b_rows = part.rows[: len(first)], other.rows[: len(second)]
+        wanted = np.zeros((part.path.cells, other.path.cells), np.bool_)
+        wanted[np.ix_(np.concatenate(rows_of(part.path, a_rows)), np.concatenate(rows_of(other.path, b_rows)))] = True
+        blocked = closed_diagram(part.path, other.path, margin, wanted)
+        if blocked is None:
+            continue
+        rows, columns = np.nonzero(blocked[np.ix_(a_rows, b_rows)])
+        rows, columns = rows + first.start, columns + second.start
+        found.append((rows, columns))
+        surely = one.paths_of_steps[rows] * two.paths_of_steps[columns] == 1
+        rows, columns = rows[surely], columns[surely]
+        if (time_between((rows, columns), a, b) < 0.0).any():
+            return None
+        over_one = np.maximum(over_one, steps_over(rows, columns, a, b))
+        over_two = np.maximum(over_two, steps_over(columns, rows, b, a))
+    cells, count = np.unique(np.concatenate(found, axis=1), axis=1, return_counts=True)
+    rows, columns = cells[:, one.paths_of_steps[cells[0]] * two.paths_of_steps[cells[1]] == count]
+    return rows, columns
+
+
+def _near_parts(one: RunningRoute, two: RunningRoute, margin: float) -> list[tuple[int, int]]:
+    """Indices of parts of two arms whose swept volumes may touch, those nearest to each other in time first."""
+    room = cross_pairs(one.parts[0].path.agent, two.parts[0].path.agent, margin).value.max_padding
+    a, b = one.boxes[:, None], two.boxes[None]
+    near = ((a[..., :3] <= b[..., 3:] + room) & (b[..., :3] <= a[..., 3:] + room)).all(axis=2)
+    begin, end = (np.array([[part.begin, part.end] for part in each.parts]).T for each in (one, two))
+    gap = np.maximum(end[0][None, :] - begin[1][:, None], begin[0][:, None] - end[1][None, :])
+    found = np.argwhere(near)
+    return [(int(k), int(m)) for k, m in found[np.argsort(gap[near], kind="stable")]]

@@ -11,7 +11,7 @@ touch, in continuous time, however long each step takes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, known_name, of_kind
+from rr1plan.checks import Array, Value, check_callback, known_name, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
@@ -30,6 +30,8 @@ from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.passing_order import Precedence, Step, order_between, passage
+from rr1plan.progress import ProgressCallback, fraction_callback, step_callback
+from rr1plan.progress_bar import library_bar
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
 from rr1plan.scene import Scene
@@ -252,40 +254,64 @@ def _node(routes: tuple[Route, ...], agent: int, step: int) -> Node:
     return Node(agent, step, routes[agent].arms, float(routes[agent].steps.times[step]))
 
 
-def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
+def plan_graph(plan: ManyArmsResult | RunningPlan, *, progress: ProgressCallback | None = None) -> PlanGraph:
     """The temporal plan graph of a plan, from its beginning.
 
     Args:
         plan: A result of `plan_many_arms`, or a plan with new goals from `add_motion`.
+        progress: Called with the progress in the stage "plan_graph"; False cancels. Without it, a terminal shows a bar.
 
     Raises:
         InputError: no plan, or one whose agents are not proven free of contact.
+        CancelledError: `progress` returned False.
     """
-    orders: dict[tuple[int, int], list[Precedence] | None] = {}
-    if isinstance(plan, RunningPlan):
-        timing = HopTiming(plan.retiming, plan.torque_limits)
-        running = [running_route(plan.parts[arm]) for arm in plan.arms]
-        routes = tuple(each.route for each in running)
-        for i, j in pairs_in_reach(plan.scene, [route.arms for route in routes]):
-            orders[i, j] = running_order(running[i], running[j], (i, j))
-    else:
-        of_kind("plan", plan, ManyArmsResult)
-        if not plan.found:
-            raise InputError(f"there is no plan to make a graph of: {plan.reason}")
-        schedules = plan.separated.schedules
-        routes = tuple(route_of(schedule) for schedule in schedules)
-        timing, scene = schedules[0].path.agent.timing, schedules[0].path.agent.problem.scene
-        for i, j in pairs_in_reach(scene, [schedule.arms for schedule in schedules]):
-            blocked = plan.separated.diagram(i, j)
-            orders[i, j] = [] if blocked is None else order_between(blocked, schedules[i], schedules[j], (i, j))
+    check_callback("progress", progress)
+    with library_bar("plan graph") as advance:
+        return _graph(plan, fraction_callback("plan_graph", progress) or advance)
+
+
+def _graph(plan: ManyArmsResult | RunningPlan, advance: Callable[[float], None]) -> PlanGraph:
+    routes, timing, scene, order_of = _orders_of_running(plan) if isinstance(plan, RunningPlan) else _orders_of(plan)
+    pairs = pairs_in_reach(scene, [route.arms for route in routes])
     found: list[Precedence] = []
-    for (i, j), order in orders.items():
+    for done, (i, j) in enumerate(pairs):
+        advance(done / len(pairs))
+        order = order_of(i, j, step_callback(advance, done, len(pairs)))
         if order is None:
             names = " and ".join((*routes[i].arms, *routes[j].arms))
             raise InputError(f"no order in which {names} pass each other is certified")
         found += order
     kept = (Dependency(_node(routes, *node), _node(routes, *after)) for node, after in _reduced(routes, found))
     return PlanGraph(routes, tuple(kept), timing.method, timing.torque_limits)
+
+
+_Order = Callable[[int, int, Callable[[float], None]], list[Precedence] | None]
+
+
+def _orders_of(plan: ManyArmsResult) -> tuple[tuple[Route, ...], HopTiming, Scene, _Order]:
+    """The routes of a result, their timing and scene, and the order of two agents."""
+    of_kind("plan", plan, ManyArmsResult)
+    if not plan.found:
+        raise InputError(f"there is no plan to make a graph of: {plan.reason}")
+    schedules = plan.separated.schedules
+
+    def order(i: int, j: int, _: Callable[[float], None]) -> list[Precedence] | None:
+        blocked = plan.separated.diagram(i, j)
+        return [] if blocked is None else order_between(blocked, schedules[i], schedules[j], (i, j))
+
+    agent = schedules[0].path.agent
+    return tuple(route_of(schedule) for schedule in schedules), agent.timing, agent.problem.scene, order
+
+
+def _orders_of_running(plan: RunningPlan) -> tuple[tuple[Route, ...], HopTiming, Scene, _Order]:
+    """The same for a running plan."""
+    running = [running_route(plan.parts[arm]) for arm in plan.arms]
+
+    def order(i: int, j: int, advance: Callable[[float], None]) -> list[Precedence] | None:
+        return running_order(running[i], running[j], (i, j), advance)
+
+    timing = HopTiming(plan.retiming, plan.torque_limits)
+    return tuple(each.route for each in running), timing, plan.scene, order
 
 
 def pairs_in_reach(scene: Scene, agents: Sequence[tuple[str, ...]]) -> list[tuple[int, int]]:

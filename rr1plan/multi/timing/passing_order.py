@@ -18,6 +18,9 @@ from rr1plan.multi.timing.schedule import Occupancy, Schedule, extended
 Cells = NDArray[np.bool_]
 """Steps of two agents that must not be occupied at the same time, shape (steps of one, steps of the other)."""
 
+CellIndices = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""The same as indices: the step of the one and of the other agent in each cell, shape (n,) each."""
+
 # Margins in addition to the padding [m]: the largest one with which a plan is compatible is used.
 PASSING_MARGINS = (*MARGINS, 0.0)
 # Agents that pass within this time of each other count as simultaneous [s].
@@ -111,15 +114,20 @@ def simultaneous_cells(one: Schedule, two: Schedule, margin: float) -> Blocked |
         margin: Distance to keep beyond the padding [m].
     """
     steps = np.nonzero(cell_gaps(one.occupancy, two.occupancy) <= SIMULTANEOUS)
-    rows, columns = (_rows_of(s.path, s.occupancy.rows[at]) for s, at in zip((one, two), steps, strict=True))
+    rows, columns = (rows_of(s.path, s.occupancy.rows[at]) for s, at in zip((one, two), steps, strict=True))
     wanted = np.zeros((one.path.cells, two.path.cells), np.bool_)
     for row, column in product(rows, columns):
         wanted[row, column] = True
     return closed_diagram(one.path, two.path, margin, wanted)
 
 
-def _rows_of(path: AgentPath, extended_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The two rows of diagrams on which each row of closed extended ones depends; equal for a segment."""
+def rows_of(path: AgentPath, extended_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The two rows of diagrams on which each row of closed extended ones depends, shape (n,); equal for a segment.
+
+    Args:
+        path: The path.
+        extended_rows: Rows of its extended diagrams, shape (n,).
+    """
     last, first = path.segments + 1, extended_rows.copy()
     second = first.copy()
     # Rest between two segments is free if either segment is, rest at an end if the adjacent segment is.
@@ -160,12 +168,8 @@ def order_between(
         two: Schedule of another one of the same plan.
         agents: Their indices.
     """
-    return passing_order(shared_cells(blocked, one, two), one.occupancy, two.occupancy, agents)
-
-
-def _gaps(one: Occupancy, two: Occupancy) -> Array:
-    """Time from one agent's exit of each of its steps to the other's entry into its own, shape (steps, steps)."""
-    return np.asarray(two.enter[None, :] - one.leave[:, None])
+    rows, columns = np.nonzero(shared_cells(blocked, one, two))
+    return passing_order((rows, columns), one.occupancy, two.occupancy, agents)
 
 
 def cell_gaps(one: Occupancy, two: Occupancy) -> Array:
@@ -175,16 +179,28 @@ def cell_gaps(one: Occupancy, two: Occupancy) -> Array:
         one: What the one occupies.
         two: What the other does.
     """
-    return np.asarray(np.maximum(_gaps(one, two), _gaps(two, one).T))
+    return np.maximum(two.enter[None, :] - one.leave[:, None], one.enter[:, None] - two.leave[None, :])
+
+
+def time_between(cells: CellIndices, one: Occupancy, two: Occupancy) -> Array:
+    """Like `cell_gaps`, in some cells only, shape (n,).
+
+    Args:
+        cells: The cells.
+        one: What the one occupies.
+        two: What the other does.
+    """
+    rows, columns = cells
+    return np.maximum(two.enter[columns] - one.leave[rows], one.enter[rows] - two.leave[columns])
 
 
 def passing_order(
-    hit: Cells, one: Occupancy, two: Occupancy, agents: tuple[int, int] = (0, 1)
+    cells: CellIndices, one: Occupancy, two: Occupancy, agents: tuple[int, int] = (0, 1)
 ) -> list[Precedence] | None:
     """The precedences between two agents that do not follow from each other.
 
     Args:
-        hit: Steps that must not be occupied at once, shape (steps of one, steps of two).
+        cells: Steps that must not be occupied at once.
         one: What the one occupies.
         two: What the other does.
         agents: Their indices.
@@ -192,32 +208,53 @@ def passing_order(
     Returns:
         The precedences; None if both are in a shared cell at the same time, or if each has to pass before the other.
     """
-    if (cell_gaps(one, two)[hit] < 0.0).any():
+    rows, columns = cells
+    gap = time_between(cells, one, two)
+    if (gap < 0.0).any():
         return None
     i, j = agents
-    found = [Precedence(Step(j, step), Step(i, after)) for step, after in _frontier(hit, one, two)]
-    found += [Precedence(Step(i, step), Step(j, after)) for step, after in _frontier(hit.T, two, one)]
+    found = [Precedence(Step(j, step), Step(i, after)) for step, after in _frontier(rows, columns, one, two)]
+    found += [Precedence(Step(i, step), Step(j, after)) for step, after in _frontier(columns, rows, two, one)]
     # Only simultaneous events can form a cycle.
-    if not (cell_gaps(one, two)[hit] <= 0.0).any() or not passage({i: hit.shape[0], j: hit.shape[1]}, found).circle:
+    if not (gap <= 0.0).any() or not passage({i: len(one.enter), j: len(two.enter)}, found).circle:
         return found
     return None
 
 
-def _frontier(hit: Cells, first: Occupancy, second: Occupancy) -> list[tuple[int, int]]:
+def _frontier(
+    steps: NDArray[np.int64], others: NDArray[np.int64], first: Occupancy, second: Occupancy
+) -> list[tuple[int, int]]:
     """The precedences of one agent over another that do not follow from each other.
 
     Args:
-        hit: Steps that must not be occupied at once, shape (steps of the first, steps of the second).
+        steps: Step of the first agent in each cell that must not be occupied at once, shape (n,).
+        others: Step of the second, shape (n,).
         first: Occupancy of the agent that may be first.
         second: Occupancy of the agent that may have to wait.
 
     Returns:
         Pairs of a step of the second, and the step that the first has to enter before it.
     """
-    before = hit & (_gaps(first, second) >= 0.0)
-    latest = np.where(before.any(axis=0), len(before) - 1 - np.argmax(before[::-1], axis=0), -1)
-    earlier = np.maximum.accumulate(np.concatenate([[-1], latest[:-1]]))
-    return [(int(step), int(latest[step]) + 1) for step in np.flatnonzero(latest > earlier)]
+    over = steps_over(steps, others, first, second)
+    rising = np.flatnonzero(np.diff(over, prepend=0) > 0)
+    return list(zip(rising.tolist(), over[rising].tolist(), strict=True))
+
+
+def steps_over(
+    steps: NDArray[np.int64], others: NDArray[np.int64], first: Occupancy, second: Occupancy
+) -> NDArray[np.int64]:
+    """The number of steps of one agent that have to be over at each step of another one, shape (steps of the other,).
+
+    Args:
+        steps: Step of the first agent in each cell that must not be occupied at once, shape (n,).
+        others: Step of the second, shape (n,).
+        first: Occupancy of the agent that may be first.
+        second: Occupancy of the agent that may have to wait.
+    """
+    is_first = second.enter[others] - first.leave[steps] >= 0.0
+    over = np.zeros(len(second.enter), np.int64)
+    np.maximum.at(over, others[is_first], steps[is_first] + 1)
+    return np.maximum.accumulate(over)
 
 
 class Passage(NamedTuple):
