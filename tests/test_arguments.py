@@ -513,6 +513,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "RunningPlan.of": (rp.RunningPlan.of, {"result": many}),
         "RunningPlan.configuration": (running.configuration, {"arm": "arm", "time": 0.1}),
         "RunningPlan.velocity": (running.velocity, {"arm": "arm", "time": 0.1}),
+        "RunningPlan.without_past": (running.without_past, {"time": 0.1}),
         "RunningPlan.goal": (running.goal, {"arm": "arm"}),
         "add_motion": (
             rp.add_motion,

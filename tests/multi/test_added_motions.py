@@ -132,6 +132,31 @@ def _clocks(graph: rp.PlanGraph) -> list[np.ndarray]:
     return clocks
 
 
+def test_a_plan_without_its_past_stays_small_and_goes_on_the_same(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("a", planar2r).with_arm("b", planar2r, (1.2, 0.0, 0.0))
+    problem = rp.Problem(scene, None, {"a": [1.0, 0.5], "b": [1.2, 0.5]})
+    whole = short = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0))
+    np.testing.assert_array_equal(whole.without_past(-1.0).trajectory.breaks, whole.trajectory.breaks)
+    for k in range(12):
+        time, arm, goal = 0.3 * k, "ab"[k % 2], [1.2 + 0.3 * (-1) ** (k // 2), 0.5]
+        added = [rp.add_motion(plan, arm, goal, at=time, freeze=0.0, budget=_BUDGET, rng=k) for plan in (whole, short)]
+        assert added[0]
+        assert added[1], added[1].reason
+        whole, short = added[0].plan, added[1].plan.without_past(0.3 * (k + 1))
+        later = np.linspace(0.3 * (k + 1), whole.trajectory.end_time, 100)
+        np.testing.assert_allclose(short.trajectory(later), whole.trajectory(later), atol=1e-7)
+        assert max(map(len, short.parts.values())) <= 3
+        assert short.trajectory.start_time == 0.3 * (k + 1)
+    assert min(map(len, whole.parts.values())) > 6
+    assert rp.validate(whole.trajectory, scene).certified
+    with pytest.raises(rp.InputError, match=r"no motions before 3\.600 s"):
+        rp.plan_graph(short)
+    with pytest.raises(rp.InputError, match=r"at is 3\.5 .* from 3\.600 s on"):
+        rp.add_motion(short, "a", [0.0, 0.0], at=3.5)
+    with pytest.raises(rp.InputError, match="expected up to 1e"):
+        short.without_past(1e8)
+
+
 def _assert_late_executions_are_safe(plan: rp.RunningPlan, rng: np.random.Generator) -> None:
     """All goals are reached in the order of the plan, however late arms are."""
     graph = rp.plan_graph(plan)

@@ -131,8 +131,11 @@ def add_motion(
     at, freeze = finite_number("at", at), finite_number("freeze", freeze)
     if at + freeze > LATEST:
         raise InputError(f"at is {at} and freeze is {freeze}, expected times up to {LATEST:g} s")
-    if at < plan.trajectory.start_time or freeze < 0.0:
-        raise InputError(f"at is {at} and freeze is {freeze}, expected a time of the plan and a time >= 0")
+    begin = plan.trajectory.start_time
+    if at < begin or freeze < 0.0:
+        raise InputError(
+            f"at is {at} and freeze is {freeze}, expected a time of the plan from {begin:.3f} s on and a time >= 0"
+        )
     seconds = max(freeze, _SHORTEST) if budget is None else budget.seconds
     watch = Stopwatch(seconds - _reserve(plan, at + freeze, seconds))
     return _Change(plan, arm, goal, at + freeze, as_generator(rng), watch).run()

@@ -192,6 +192,24 @@ class RunningPlan(Value):
         """The part in which an arm is at a time [s]; where two meet, the later one."""
         return next(part for part in self.parts[arm] if time < part.end)
 
+    def without_past(self, time: float) -> RunningPlan:
+        """The plan from a time on, for plans that run without end: all before it is deleted.
+
+        `add_motion` takes the result for times from there on, `plan_graph` does not take it.
+
+        Args:
+            time: The time [s]; times before the beginning of the plan delete nothing.
+
+        Raises:
+            InputError: a time that is not a number, or later than 1e7 s.
+        """
+        time = max(finite_number("time", time), self.trajectory.start_time)
+        if time > LATEST:
+            raise InputError(f"time is {time:g}, expected up to {LATEST:g} s")
+        trajectory = self.trajectory.cut(time, max(time, self.trajectory.end_time))
+        parts = {arm: tuple(part for part in several if part.end > time) for arm, several in self.parts.items()}
+        return replace(self, trajectory=trajectory, parts=parts)
+
     def with_parts(self, changed: Mapping[str, tuple[Part, ...]], trajectory: Trajectory, now: float) -> RunningPlan:
         """The plan with other motions of some arms.
 

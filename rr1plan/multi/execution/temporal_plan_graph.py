@@ -262,7 +262,7 @@ def plan_graph(plan: ManyArmsResult | RunningPlan, *, progress: ProgressCallback
         progress: Called with the progress in the stage "plan_graph"; False cancels. Without it, a terminal shows a bar.
 
     Raises:
-        InputError: no plan, or one whose agents are not proven free of contact.
+        InputError: no plan, one without its past, or one whose agents are not proven free of contact.
         CancelledError: `progress` returned False.
     """
     check_callback("progress", progress)
@@ -305,6 +305,11 @@ def _orders_of(plan: ManyArmsResult) -> tuple[tuple[Route, ...], HopTiming, Scen
 
 def _orders_of_running(plan: RunningPlan) -> tuple[tuple[Route, ...], HopTiming, Scene, _Order]:
     """The same for a running plan."""
+    begin = plan.trajectory.start_time
+    if begin > 0.0:
+        raise InputError(
+            f"plan has no motions before {begin:.3f} s (without_past), expected one from its beginning, where arms rest"
+        )
     running = [running_route(plan.parts[arm]) for arm in plan.arms]
 
     def order(i: int, j: int, advance: Callable[[float], None]) -> list[Precedence] | None:
