@@ -165,13 +165,13 @@ def plan_many(
 
     Returns:
         The results in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a `PlanFailure` if
-        the problem raised an exception, its process died, the executor broke or was shut down, or the batch was
-        cancelled.
+        the problem raised an exception, its process died, the executor broke, was shut down or did not accept it, or
+        the batch was cancelled.
 
     Raises:
         UnknownNameError: no such planner or retiming.
-        InputError: something that is not a problem, no worker, a negative seed, a planner that cannot be pickled,
-            "many_arms" with retiming "ruckig_direct" or without `full`.
+        InputError: something that is not a problem, no worker, a negative seed, a planner that cannot be pickled, an
+            executor whose `submit` returns no future, "many_arms" with retiming "ruckig_direct" or without `full`.
         BackendError: the processes do not start.
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
@@ -315,13 +315,10 @@ def _work_off(
         while (chunks or pending) and not board.cancelled:
             while chunks and len(pending) < at_once and not lost:
                 chunk = chunks.popleft()
-                try:
-                    pending[executor.submit(run_chunk, chunk, settings)] = chunk
-                except BrokenExecutor:
-                    lost += [_Lost(task, _BROKE) for task in chunk]
-                except RuntimeError as error:  # it is shut down
-                    why = Raised(type(error).__name__, f"the executor accepted no more tasks: {error}")
-                    lost += [_Lost(task, why) for task in chunk]
+                future, refused = _submit(executor, chunk, settings, chunks, board)
+                lost += refused
+                if future is not None:
+                    pending[future] = chunk
             if not pending:
                 break
             # `wait` never returns a future that the shutdown of its executor cancelled.
@@ -348,6 +345,25 @@ def _keep_ended(pending: dict[Future[list[object]], list[Task]], board: _Board) 
                         board.note(task.number, result)
 
 
+def _submit(
+    executor: Executor, chunk: list[Task], settings: Settings, chunks: deque[list[Task]], board: _Board
+) -> tuple[Future[list[object]] | None, list[_Lost]]:
+    """Submit a chunk. Returns its future, None if it is refused; and its tasks if the executor takes no more."""
+    try:
+        future = executor.submit(run_chunk, chunk, settings)
+    except BrokenExecutor:
+        return None, [_Lost(task, _BROKE) for task in chunk]
+    except RuntimeError as error:  # it is shut down
+        why = Raised(type(error).__name__, f"the executor accepted no more tasks: {error}")
+        return None, [_Lost(task, why) for task in chunk]
+    except Exception as error:  # it pickles here, or has errors of its own
+        _divide(chunk, chunks, board, error)
+        return None, []
+    if not isinstance(future, Future):
+        raise InputError(f"executor.submit returned {type(future).__name__}, expected a concurrent.futures.Future")
+    return future, []
+
+
 def _take(future: Future[list[object]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[_Lost]:
     """Store the results of a chunk; return its tasks if they were lost."""
     try:
@@ -359,14 +375,19 @@ def _take(future: Future[list[object]], chunk: list[Task], chunks: deque[list[Ta
             board.note(task.number, Raised("CancelledError", "the executor cancelled this problem"))
         return []
     except Exception as error:
-        if len(chunk) > 1:
-            chunks.extend([task] for task in chunk)
-        else:
-            board.note(chunk[0].number, raised(error))
+        _divide(chunk, chunks, board, error)
         return []
     for task, result in zip(chunk, results, strict=True):
         board.note(task.number, result)
     return []
+
+
+def _divide(chunk: list[Task], chunks: deque[list[Task]], board: _Board, error: Exception) -> None:
+    """Try the problems of a failed chunk again one by one; store the error of a single one."""
+    if len(chunk) > 1:
+        chunks.extend([task] for task in chunk)
+    else:
+        board.note(chunk[0].number, raised(error))
 
 
 def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Board, workers: int) -> None:

@@ -205,6 +205,30 @@ def test_an_executor_of_ones_own_that_breaks_loses_what_is_left(problems):
         assert "broke" in answer.reason
 
 
+@pytest.mark.parametrize("error", [pickle.PicklingError, OSError, ValueError])
+def test_errors_of_submit_are_those_of_the_problems_that_it_refuses(error, problems):
+    class Refusing(InLine):
+        """Like a client that pickles tasks as they are submitted, or that has closed its connection."""
+
+        def submit(self, function, /, chunk, settings):
+            if error is not pickle.PicklingError or problems[0] in [task.problem for task in chunk]:
+                raise error("the connection is closed")
+            return super().submit(function, chunk, settings)
+
+    answers = rp.plan_many(problems, executor=Refusing(), workers=1, rng=0, full=False, budget=BUDGET)
+    assert (answers[0].error, answers[0].reason) == (error.__name__, "the connection is closed")
+    assert all(answer.found == (error is pickle.PicklingError) for answer in answers[1:])
+
+
+def test_an_executor_with_other_futures_is_refused(problems):
+    class Foreign(InLine):
+        def submit(self, function, /, *arguments):
+            return super().submit(function, *arguments).result()
+
+    with pytest.raises(rp.InputError, match=r"executor\.submit returned list, expected a concurrent\.futures\.Future"):
+        rp.plan_many(problems, executor=Foreign(), rng=0, full=False, budget=BUDGET)
+
+
 def test_an_executor_that_is_shut_down_keeps_what_is_done_and_says_why_the_rest_is_not(problems):
     settings = {"rng": 0, "full": False, "budget": BUDGET, "workers": 1}
     executor = ShutDownAfterOne()
