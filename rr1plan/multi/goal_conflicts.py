@@ -8,16 +8,17 @@ for constraint satisfaction and scheduling problems, 1992); where it fails, back
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.paths.placed_path import placed_configurations
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.coordination import are_apart
+from rr1plan.multi.timing.coordination import conflicts
+from rr1plan.object_cache import kept_in
 
 # Largest number of rounds of the repair, of steps of the backtracking search, and of shuffles for another combination.
 _REPAIRS, _STEPS, _SHUFFLES = 200, 20_000, 10
@@ -37,26 +38,24 @@ class GoalConflicts:
     ) -> None:
         self.choices, self._agents = choices, agents
         self._near = {arm: sorted(near[arm]) for arm in agents}
-        self._touching: dict[tuple[tuple[str, int], tuple[str, int]], bool] = {}
+        self._touching: dict[tuple[str, str], NDArray[np.bool_]] = {}
+        self._placed: dict[str, CStruct] = {}
 
-    @cached_property
-    def _placed(self) -> dict[str, list[CStruct]]:
-        return {
-            arm: [placed_configuration(self._agents[arm].bodies, q) for q in found]
-            for arm, found in self.choices.items()
-        }
+    def _touch(self, arm: str, other: str) -> NDArray[np.bool_]:
+        """Whether each goal configuration of one arm (rows) touches those of another one (columns)."""
+        if (arm, other) not in self._touching:
+            one, two = sorted((arm, other))
+            touching = conflicts(self._agents[one], self._bodies(one), self._agents[two], self._bodies(two)) != 0
+            self._touching[one, two], self._touching[two, one] = touching, touching.T
+        return self._touching[arm, other]
 
-    def _touch(self, arm: str, k: int, other: str, m: int) -> bool:
-        one, two = sorted(((arm, k), (other, m)))
-        if (one, two) not in self._touching:
-            (a, i), (b, j) = one, two
-            placed = self._placed
-            self._touching[one, two] = not are_apart(self._agents[a], placed[a][i], self._agents[b], placed[b][j])
-        return self._touching[one, two]
+    def _bodies(self, arm: str) -> CStruct:
+        bodies = self._agents[arm].bodies
+        return kept_in(self._placed, arm, lambda: placed_configurations(bodies, self.choices[arm]))
 
     def _count(self, arm: str, k: int, picked: Mapping[str, int]) -> int:
         """Number of other arms that a goal configuration touches in theirs, of those that have one."""
-        return sum(self._touch(arm, k, other, picked[other]) for other in self._near[arm] if other in picked)
+        return sum(bool(self._touch(arm, other)[k, picked[other]]) for other in self._near[arm] if other in picked)
 
     def touch(self, picked: Mapping[str, int]) -> bool:
         """Whether two arms are in contact in a combination of goal configurations."""
@@ -80,6 +79,11 @@ class GoalConflicts:
                 picked[arm] = left[arm][contacts.index(min(contacts))]
         return picked
 
+    def _is_possible(self, arm: str) -> NDArray[np.bool_]:
+        """Whether each goal configuration of an arm touches not all those of another one."""
+        touching = [self._touch(arm, other).all(axis=1) for other in self._near[arm]]
+        return ~np.any(touching, axis=0) if touching else np.ones(len(self.choices[arm]), np.bool_)
+
     def combination(self, watch: Stopwatch | None = None) -> tuple[dict[str, Array] | None, bool]:
         """The first combination of goal configurations without contact, by backtracking.
 
@@ -87,6 +91,8 @@ class GoalConflicts:
             The configuration of each arm, or None if none was found; and whether the search is complete.
         """
         arms = sorted(self._agents, key=lambda arm: len(self.choices[arm]))
+        if not all(self._is_possible(arm).any() for arm in arms):
+            return None, True
         picked: dict[str, int] = {}
         following = [0]
         for _ in range(_STEPS):

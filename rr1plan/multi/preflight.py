@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import takewhile
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator
+from rr1plan.checks import Array, Seed, as_seed
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
@@ -34,9 +34,8 @@ Even the smallest is ten times the clearance that the referee cannot distinguish
 
 # Planner iterations after which one of several goal configurations of an arm counts as not reached.
 _ITERATIONS = 2000
-# Largest numbers of configurations of one goal and of one arm; how often both are doubled, if all of them exclude each
-# other.
-_GOALS_OF_EACH, _GOALS_OF_ARM, _MORE_GOALS = 8, 32, 3
+# How often further configurations of poses and regions are searched, if all of them exclude each other.
+_MORE_GOALS = 7
 
 
 @dataclass(frozen=True)
@@ -260,15 +259,9 @@ def _goal_choices(
         is_reached: Whether an arm alone can reach a configuration; otherwise another one is chosen if possible.
         rounds: How often configurations of poses and regions are searched again if all of them exclude each other.
     """
-    found: dict[str, Array] = {}
-    for arm, agent in agents.items():
-        if not watch.goes_on():
-            late = _too_late(watch)
-            return {}, late.status, late.reason, None
-        own = _own_goals(agent, rng)
-        if own.status is not None:
-            return {}, own.status, f"{arm}: {own.reason}", None
-        found[arm] = own.configurations
+    found, seeds, status, reason = _first_goals(agents, rng, watch)
+    if status is not None:
+        return {}, status, reason, None
     choices = GoalChoices(GoalConflicts(agents, found, near), is_reached)
     chosen = choices.first()
     touching = _first_contact(agents, chosen, near)
@@ -276,19 +269,14 @@ def _goal_choices(
         return chosen, None, "", choices
     # The repair of conflicts is incomplete, and configurations that were not reached are only hard to reach.
     combined, complete = choices.conflicts.combination(watch)
-    sampled = [arm for arm, agent in agents.items() if joint_goals(agent.query({}, 0.0)) is None]
-    generator = as_generator(rng)
-    for effort in range(1, rounds + 1):
-        if combined is not None or not (complete and watch.goes_on()):
-            break
-        # Few of the infinitely many configurations of a pose or a region leave room for another arm near them. A search
-        # that did not find as many as it was allowed to will not find more.
-        sampled = [arm for arm in sampled if len(found[arm]) >= _GOALS_OF_EACH << (effort - 1)]
-        for arm in takewhile(lambda _: watch.goes_on(), sampled):
-            own = _own_goals(agents[arm], generator, effort)
-            found[arm] = found[arm] if own.status is not None else own.configurations
-        choices = GoalChoices(GoalConflicts(agents, found, near), is_reached)
-        combined, complete = choices.conflicts.combination(watch)
+    if combined is None and complete and rounds:
+        sampled = {arm: agents[arm] for arm in seeds if joint_goals(agents[arm].query({}, 0.0)) is None}
+        for further in _further_goals(sampled, seeds, rounds, watch):
+            found |= {arm: np.concatenate([found[arm], new]) for arm, new in further.items()}
+            choices = GoalChoices(GoalConflicts(agents, found, near), is_reached)
+            combined, complete = choices.conflicts.combination(watch)
+            if combined is not None or not complete:
+                break
     if combined is not None:
         choices.use(combined)
         return combined, None, "", choices
@@ -306,21 +294,71 @@ def _goal_choices(
     return {}, PlanStatus.INVALID_GOAL, reason, None
 
 
-def _own_goals(agent: Agent, rng: Seed, effort: int = 0) -> GoalSet:
-    """Goal configurations of one arm, or why there are none.
+def _first_goals(
+    agents: Mapping[str, Agent], rng: Seed, watch: Stopwatch
+) -> tuple[dict[str, Array], dict[str, int], PlanStatus | None, str]:
+    """Goal configurations of each arm, shape (k, nq), and the seeds of their searches; or status and reason."""
+    found: dict[str, Array] = {}
+    seeds: dict[str, int] = {}
+    for arm, agent in agents.items():
+        if not watch.goes_on():
+            late = _too_late(watch)
+            return {}, {}, late.status, late.reason
+        own = _only_goal(agent)
+        if own is None:
+            seeds[arm] = as_seed(rng)
+            with _goal_search(agent, seeds[arm]) as search:
+                own = search.find()
+        if own.status is not None:
+            return {}, {}, own.status, f"{arm}: {own.reason}"
+        found[arm] = own.configurations
+    return found, seeds, None, ""
 
-    Args:
-        agent: The agent.
-        rng: Generator or seed of inverse kinematics.
-        effort: Their largest number doubles with each.
-    """
+
+def _only_goal(agent: Agent) -> GoalSet | None:
+    """The goal configuration of one arm, if there is one only and it is usable; otherwise None."""
+    query = agent.query({}, 0.0)
+    goals = joint_goals(query)
+    if goals is None or len(goals) > 1:
+        return None
+    with checker_from_pool(query.scene, query.arms) as checker:
+        return GoalSet(goals) if _is_usable(checker, goals[0]) else None
+
+
+@contextmanager
+def _goal_search(agent: Agent, seed: int) -> Iterator[GoalSearch]:
+    """A search for goal configurations of one arm."""
     query = agent.query({}, 0.0)
     with checker_from_pool(query.scene, query.arms) as checker:
-        goals = joint_goals(query)
-        if goals is not None and len(goals) == 1 and _is_usable(checker, goals[0]):
-            return GoalSet(goals)
-        each, most = _GOALS_OF_EACH << effort, _GOALS_OF_ARM << effort
-        return GoalSearch(query, checker, rng, max_per_goal=each, max_composites=most).find()
+        yield GoalSearch(query, checker, seed)
+
+
+def _further_goals(
+    agents: Mapping[str, Agent], seeds: Mapping[str, int], rounds: int, watch: Stopwatch
+) -> Iterator[dict[str, Array]]:
+    """Further configurations of poses and regions; few of infinitely many leave room for another arm near them.
+
+    Args:
+        agents: The agent of each arm with such goals.
+        seeds: The seed with which the first configurations were found.
+        rounds: Largest number of rounds.
+        watch: Deadline.
+    """
+    with ExitStack() as open_searches:
+        searches: dict[str, GoalSearch] = {}
+        for arm, agent in agents.items():
+            searches[arm] = open_searches.enter_context(_goal_search(agent, seeds[arm]))
+            searches[arm].find()  # the same as before
+        for _ in range(rounds):
+            further: dict[str, Array] = {}
+            for arm, search in searches.items():
+                new = search.more(turned_copies=False) if watch.goes_on() else np.empty((0, 0))
+                if len(new):
+                    further[arm] = new
+            searches = {arm: searches[arm] for arm in further}
+            if not further:
+                break
+            yield further
 
 
 def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:

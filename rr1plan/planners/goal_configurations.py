@@ -123,13 +123,16 @@ class GoalSearch:
         reason = f"the arms' goals collide with each other in all {tried} combinations tried: {collision}"
         return GoalSet(np.empty((0, self._problem.nq)), PlanStatus.INVALID_GOAL, reason)
 
-    def more(self) -> Array:
+    def more(self, *, turned_copies: bool = True) -> Array:
         """Further configurations after `find`, shape (k, nq).
 
         At most as many solutions of each goal as there, and copies of all solutions a turn away.
+
+        Args:
+            turned_copies: Whether to include copies, at which all links are in the same poses.
         """
         self._resume()
-        for finder in self._finders:
+        for finder in self._finders if turned_copies else ():
             finder.add_turned_copies()
         return np.array(self._combine()[0]).reshape(-1, self._problem.nq)
 

@@ -1,6 +1,7 @@
 """Goals become free goal configurations, or a reason."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -220,6 +221,17 @@ def test_there_are_no_more_goals_than_there_are(planar2r):
     search = GoalSearch(problem, CollisionChecker(problem.scene), 0)
     assert search.find().configurations.shape == (3, 2)
     assert search.more().shape == (0, 2)
+
+
+def test_further_goals_may_leave_out_copies_a_turn_away(planar2r):
+    turning = planar2r.with_limits(replace(planar2r.limits, lower=np.full(2, -9.0), upper=np.full(2, 9.0)))
+    problem = Problem(alone(turning), "home", PoseGoal("tool", [1.0, 0.5, 0.0]))
+    search = GoalSearch(problem, CollisionChecker(problem.scene), 0)
+    found = search.find().configurations
+    assert search.more(turned_copies=False).shape == (0, 2)
+    copies = search.more()
+    assert len(copies) > len(found)
+    np.testing.assert_allclose(np.unique(np.cos(copies).round(6), axis=0), np.unique(np.cos(found).round(6), axis=0))
 
 
 def test_more_goals_of_several_arms_are_other_combinations(planar2r):

@@ -65,7 +65,7 @@ def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: f
     return not conflicts(one, placed, two, other, margin).any()
 
 
-def conflicts(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float) -> Blocked:
+def conflicts(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float = 0.0) -> Blocked:
     """Configurations of two agents that are not proven collision-free together, shape (n, m); see `are_apart`."""
     return _blocked_cells(one, two, placed, other, cross_pairs(one, two, margin, fixed=True))
 
