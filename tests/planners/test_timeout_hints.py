@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,8 +12,13 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths import path_pool
+from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.planners import timeout_hints
 from rr1plan.planners.timeout_hints import split_budget, with_hint
+from rr1plan.planning import ProgressCallback
 from rr1plan.robot import Geometry, Joint, Link
 from rr1plan.transforms import pose
 
@@ -110,6 +116,24 @@ def test_the_arm_whose_links_they_are_is_named(gate: rp.Robot) -> None:
     goal = {"left": [0.5, -0.4], "right": [0.5, 1.2]}
     problem = rp.Problem(scene, {"left": [0.0, -0.5], "right": [0.0, -0.5]}, goal)
     assert "start and goal of 'right' seem to be separated" in rp.plan(problem, budget=ITERATIONS, rng=0).reason
+
+
+def test_a_hint_for_one_of_many_arms_may_end_after_their_deadline(
+    separated: rp.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch = Stopwatch(0.5)
+
+    def late(leg: rp.Problem, result: rp.PlanResult, budget: rp.Budget, progress: ProgressCallback) -> rp.PlanResult:
+        time.sleep(max(0.0, watch.left))
+        return with_hint(leg, result, budget, progress)
+
+    monkeypatch.setattr(path_pool, "with_hint", late)
+    monkeypatch.setattr(path_pool, "split_budget", lambda _: (rp.Budget(0.05), rp.Budget(20.0)))
+    pool = PathPool(Agent(separated, separated.arms), 0.0, np.random.default_rng(0), watch)
+    path, reason = pool.add({}, patient=True)
+    assert path is None
+    assert "configurations were reached from the start" in reason
+    assert "separated by 'base' and 'forearm'" in reason
 
 
 def test_an_obstacle_in_the_way_is_not_blamed_on_links(gate: rp.Robot) -> None:

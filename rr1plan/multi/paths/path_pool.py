@@ -26,7 +26,7 @@ from rr1plan.path import Path
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.timeout_hints import split_budget, with_hint
-from rr1plan.planning import Budget, PlanResult, PlanStatus
+from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress
 from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
@@ -177,7 +177,7 @@ class PathPool:
 
         Effort is counted in iterations, so that the path does not depend on the speed of the machine.
         """
-        report, seconds = self._watch.let_planner_go_on, self._watch.time_left
+        seconds = self._watch.time_left
         budget, rest = split_budget(Budget(seconds, None if math.isfinite(seconds) else _NO_LIMIT))
         search = self._watch.with_deadline(budget.seconds)
         iterations, searches = _ITERATIONS * len(self.agent.arms), 0
@@ -191,8 +191,13 @@ class PathPool:
                 if not search.goes_on():
                     if searches > 1:
                         result = replace(result, reason=f"{result.reason}; this was the last of {searches} searches")
-                    return result if rest is None else with_hint(leg, result, rest, report)
+                    return result if rest is None else with_hint(leg, result, rest, self._report)
             iterations *= 2
+
+    def _report(self, progress: Progress) -> bool:
+        """Progress callback for hints, which have a budget of their own: only cancelling ends them."""
+        self._watch.let_planner_go_on(progress)
+        return not self._watch.cancelled
 
     def _with_most_margin(self, leg: Problem, found: PlanResult, search: Stopwatch, iterations: int) -> PlanResult:
         """A path with the largest of the smaller margins for which one is found, or else the one with the least."""
