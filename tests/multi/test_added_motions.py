@@ -13,7 +13,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.multi.execution import added_motions
+from rr1plan.multi.execution import added_motions, running_routes
 from rr1plan.multi.execution.running_plan import stops_of
 from rr1plan.multi.execution.running_routes import running_route
 from rr1plan.multi.timing.passing_order import closed_diagram
@@ -132,7 +132,9 @@ def _clocks(graph: rp.PlanGraph) -> list[np.ndarray]:
     return clocks
 
 
-def test_a_plan_without_its_past_stays_small_and_goes_on_the_same(planar2r: rp.Robot) -> None:
+def test_a_plan_without_its_past_stays_small_and_goes_on_the_same(
+    planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = rp.Scene().with_arm("a", planar2r).with_arm("b", planar2r, (1.2, 0.0, 0.0))
     problem = rp.Problem(scene, None, {"a": [1.0, 0.5], "b": [1.2, 0.5]})
     whole = short = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0))
@@ -149,6 +151,10 @@ def test_a_plan_without_its_past_stays_small_and_goes_on_the_same(planar2r: rp.R
         assert short.trajectory.start_time == 0.3 * (k + 1)
     assert min(map(len, whole.parts.values())) > 6
     assert rp.validate(whole.trajectory, scene).certified
+    graph = rp.plan_graph(whole)
+    monkeypatch.setattr(running_routes, "_MOST_PLACED", 2)
+    assert rp.plan_graph(whole).to_dict() == graph.to_dict()
+    assert sum("placed" in vars(part.path) for parts in whole.parts.values() for part in parts) <= 2
     with pytest.raises(rp.InputError, match=r"no motions before 3\.600 s"):
         rp.plan_graph(short)
     with pytest.raises(rp.InputError, match=r"at is 3\.5 .* from 3\.600 s on"):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.multi.execution.route import Route, RouteSteps
 from rr1plan.multi.execution.running_plan import Part
+from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.coordination import cross_pairs
 from rr1plan.multi.timing.passing_order import (
     PASSING_MARGINS,
@@ -27,6 +28,29 @@ from rr1plan.multi.timing.schedule import Occupancy
 from rr1plan.progress import step_callback
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
+
+# Largest number of paths whose bodies are placed at once, of up to three megabytes each.
+_MOST_PLACED = 100
+
+
+class PlacedPaths:
+    """Paths whose bodies are placed; those that were not used for longest are released."""
+
+    def __init__(self) -> None:
+        self._paths: dict[AgentPath, None] = {}
+
+    def use(self, path: AgentPath) -> None:
+        """Keep a path, and release another one if there are too many.
+
+        Args:
+            path: The path.
+        """
+        self._paths.pop(path, None)
+        self._paths[path] = None
+        if len(self._paths) > _MOST_PLACED:
+            oldest = next(iter(self._paths))
+            del self._paths[oldest]
+            oldest.release()
 
 
 @dataclass(frozen=True)
@@ -112,7 +136,11 @@ def running_route(parts: Sequence[Part]) -> RunningRoute:
 
 
 def running_order(
-    one: RunningRoute, two: RunningRoute, agents: tuple[int, int], advance: Callable[[float], None]
+    one: RunningRoute,
+    two: RunningRoute,
+    agents: tuple[int, int],
+    placed: PlacedPaths,
+    advance: Callable[[float], None],
 ) -> list[Precedence] | None:
     """The order of two arms with the largest margin for which there is one, see `passing_order`; None without one.
 
@@ -120,11 +148,12 @@ def running_order(
         one: An arm.
         two: Another one of the same plan.
         agents: Their indices.
+        placed: The paths with placed bodies.
         advance: Called with the fraction done.
     """
     order = None
     for k, margin in enumerate(PASSING_MARGINS):
-        cells = _shared_cells(one, two, margin, step_callback(advance, k, len(PASSING_MARGINS)))
+        cells = _shared_cells(one, two, margin, placed, step_callback(advance, k, len(PASSING_MARGINS)))
         order = None if cells is None else passing_order(cells, one.occupancy, two.occupancy, agents)
         if order is not None:
             break
@@ -132,7 +161,7 @@ def running_order(
 
 
 def _shared_cells(
-    one: RunningRoute, two: RunningRoute, margin: float, advance: Callable[[float], None]
+    one: RunningRoute, two: RunningRoute, margin: float, placed: PlacedPaths, advance: Callable[[float], None]
 ) -> CellIndices | None:
     """The steps of two arms that must not be occupied at the same time, without some whose order follows from others'.
 
@@ -151,6 +180,8 @@ def _shared_cells(
         if over_one[second.start] >= first.stop or over_two[first.start] >= second.stop:
             continue
         part, other = one.parts[k], two.parts[m]
+        placed.use(part.path)
+        placed.use(other.path)
         a_rows, b_rows = part.rows[: len(first)], other.rows[: len(second)]
         wanted = np.zeros((part.path.cells, other.path.cells), np.bool_)
         wanted[np.ix_(np.concatenate(rows_of(part.path, a_rows)), np.concatenate(rows_of(other.path, b_rows)))] = True
@@ -172,11 +203,17 @@ def _shared_cells(
 
 
 def _near_parts(one: RunningRoute, two: RunningRoute, margin: float) -> list[tuple[int, int]]:
-    """Indices of parts of two arms whose swept volumes may touch, those nearest to each other in time first."""
+    """Indices of parts of two arms whose swept volumes may touch, those nearest to each other in time first.
+
+    Of about equally near ones, those of one part follow each other, so that few paths need to be placed at once.
+    """
     room = cross_pairs(one.parts[0].path.agent, two.parts[0].path.agent, margin).value.max_padding
     a, b = one.boxes[:, None], two.boxes[None]
-    near = ((a[..., :3] <= b[..., 3:] + room) & (b[..., :3] <= a[..., 3:] + room)).all(axis=2)
-    begin, end = (np.array([[part.begin, part.end] for part in each.parts]).T for each in (one, two))
-    gap = np.maximum(end[0][None, :] - begin[1][:, None], begin[0][:, None] - end[1][None, :])
-    found = np.argwhere(near)
-    return [(int(k), int(m)) for k, m in found[np.argsort(gap[near], kind="stable")]]
+    found = np.argwhere(((a[..., :3] <= b[..., 3:] + room) & (b[..., :3] <= a[..., 3:] + room)).all(axis=2))
+    (begin, end), (other_begin, other_end) = (
+        np.array([[part.begin, part.end] for part in route.parts])[index].T
+        for route, index in zip((one, two), found.T, strict=True)
+    )
+    gap = np.maximum(0.0, np.maximum(other_begin - end, begin - other_end))
+    order = np.lexsort((gap, found[:, 0], np.ceil(np.log2(1.0 + gap))))
+    return [(int(k), int(m)) for k, m in found[order]]

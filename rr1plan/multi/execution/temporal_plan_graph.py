@@ -25,7 +25,7 @@ from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
 from rr1plan.multi.execution.running_plan import RunningPlan
-from rr1plan.multi.execution.running_routes import running_order, running_route
+from rr1plan.multi.execution.running_routes import PlacedPaths, running_order, running_route
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS
@@ -271,6 +271,7 @@ def plan_graph(plan: ManyArmsResult | RunningPlan, *, progress: ProgressCallback
 
 
 def _graph(plan: ManyArmsResult | RunningPlan, advance: Callable[[float], None]) -> PlanGraph:
+    advance(0.0)
     routes, timing, scene, order_of = _orders_of_running(plan) if isinstance(plan, RunningPlan) else _orders_of(plan)
     pairs = pairs_in_reach(scene, [route.arms for route in routes])
     found: list[Precedence] = []
@@ -310,10 +311,10 @@ def _orders_of_running(plan: RunningPlan) -> tuple[tuple[Route, ...], HopTiming,
         raise InputError(
             f"plan has no motions before {begin:.3f} s (without_past), expected one from its beginning, where arms rest"
         )
-    running = [running_route(plan.parts[arm]) for arm in plan.arms]
+    running, placed = [running_route(plan.parts[arm]) for arm in plan.arms], PlacedPaths()
 
     def order(i: int, j: int, advance: Callable[[float], None]) -> list[Precedence] | None:
-        return running_order(running[i], running[j], (i, j), advance)
+        return running_order(running[i], running[j], (i, j), placed, advance)
 
     timing = HopTiming(plan.retiming, plan.torque_limits)
     return tuple(each.route for each in running), timing, plan.scene, order
