@@ -277,9 +277,13 @@ def _goal_choices(
             combined, complete = choices.conflicts.combination(watch)
             if combined is not None or not complete:
                 break
+        # Further configurations may be missing because no time was left to search for them.
+        complete = complete and (not sampled or watch.goes_on())
     if combined is not None:
         choices.use(combined)
         return combined, None, "", choices
+    if watch.cancelled:
+        return {}, PlanStatus.CANCELLED, CANCELLED, None
     if not complete:
         reason = f"no goal configurations that leave room for each other were found: {touching}"
         return {}, PlanStatus.TIMEOUT, reason, None

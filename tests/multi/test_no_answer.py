@@ -14,10 +14,11 @@ import pytest
 
 import rr1plan as rp
 from rr1plan import place_grid, plan_many_arms
+from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.path_pool import PathPool
-from rr1plan.multi.preflight import MARGINS, affordable_margin
+from rr1plan.multi.preflight import MARGINS, affordable_margin, preflight
 from rr1plan.multi.search.coupled_windows import CoupledWindows
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
@@ -125,6 +126,34 @@ def test_tools_meet_if_any_of_their_orientations_leave_room(seed: int, rr1: rp.R
     result = plan_many_arms(problem, rng=seed, budget=_UNTIMED)
     assert result.found
     assert_safe(problem, result)
+
+
+@pytest.mark.parametrize("cancels", [False, True])
+def test_a_search_for_goals_that_is_cut_short_proves_nothing(cancels: bool, rr1: rp.Robot) -> None:
+    """However early it ends, the goals of two tools that can meet do not "exclude each other"."""
+    scene = rp.Scene().with_arm("left", rr1, pose([-0.3, 0.0, 0.0], rpy=[0.0, 0.0, np.pi]))
+    scene = scene.with_arm("right", rr1, (0.3, 0.0, 0.0))
+    goals = {"left": rp.PoseGoal("tool", [-0.015, 0.0, 0.2]), "right": rp.PoseGoal("tool", [0.015, 0.0, 0.2])}
+    aside = rr1.home + np.array([1.4, 0.0, 0.0, 0.0, 0.0, 0.0])
+    problem = rp.Problem(scene, {"left": aside, "right": aside}, goals)
+    near = arms_in_reach(scene, problem.arms, 0.0)
+
+    class Ending(Stopwatch):
+        left_to_ask = 0
+
+        def goes_on(self) -> bool:
+            self.left_to_ask -= 1
+            if self.left_to_ask < 0 and cancels:
+                self.cancel()
+            return self.left_to_ask >= 0
+
+    found = []
+    for count in range(24):
+        watch = Ending(60.0)
+        watch.left_to_ask = count
+        found.append(preflight(problem, near, rng=0, watch=watch).status)
+    assert set(found) <= {PlanStatus.CANCELLED if cancels else PlanStatus.TIMEOUT, None}
+    assert found[0] is not None
 
 
 def _slot(width: float) -> rp.Scene:
