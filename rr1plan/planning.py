@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,8 @@ from rr1plan.scene.problem import Problem
 _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
 
 
-class PlanStatus(Enum):
-    """How a planning query ended."""
+class PlanStatus(StrEnum):
+    """How a planning query ended; equal to the text of its value, as in files and JSON."""
 
     FOUND = "found"
     TIMEOUT = "timeout"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import subprocess
 import sys
@@ -35,6 +36,15 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
     assert [name for name in found.seconds if name != "imports"] == ["set up", "plan", "shorten", "retime", "validate"]
     assert all(seconds > 0.0 for seconds in found.seconds.values())
     np.testing.assert_array_equal(found.trajectory(0.0), problem.start)
+
+
+def test_a_status_is_the_text_of_its_value_in_comparisons_prints_and_json(problem: rp.Problem) -> None:
+    motion = rp.plan_motion(problem, rng=1)
+
+    assert motion.status == "found"
+    assert f"{motion.status}" == "found"
+    assert json.loads(json.dumps({"status": motion.status})) == {"status": "found"}
+    assert rp.PlanStatus("timeout") is rp.PlanStatus.TIMEOUT
 
 
 def test_smallest_clearances_are_found_when_the_report_is_read(
