@@ -9,7 +9,10 @@ from rr1plan.cli.option_types import count, distance, file_name, file_of, finite
 
 EXIT_CODES = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan or failed replay, 130 interrupted"
 
-_FILE = "a file that plan wrote, a trajectory (.json, .csv), a ROS JointTrajectory (.yaml), or a ROS bag"
+_FILE = (
+    "a file that plan wrote, a trajectory (.json, .csv), a ROS JointTrajectory (.yaml), or a ROS bag; - is standard "
+    "input (no bags)"
+)
 _MOTION = f"a motion: {_FILE}"
 
 # Planners of `plan` that make trajectories, not paths.

@@ -53,6 +53,9 @@ def plan(options: Namespace, console: Console) -> int:
             files = _save(motion, options, look, console)
     motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
+    if options.margin is not None and motion.many_arms is None and motion.margin < options.margin:
+        kept, wanted = 1e3 * motion.margin, 1e3 * options.margin
+        console.say(f"margin: {kept:.3g} mm kept, not {wanted:.3g} mm, because start or goal is too near to something")
     say_many(motion, console)
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
@@ -79,6 +82,7 @@ def summary(motion: MotionPlan) -> dict[str, object]:
         "seconds": dict(motion.seconds),
         "waypoints": sum(map(len, paths)),
         "length": sum(path.length for path in paths),
+        "margin": motion.margin if many is None else None,
         "duration": motion.trajectory.duration,
         "report": motion.report.to_dict(),
     }

@@ -9,6 +9,7 @@ import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
 from rr1plan.cli.picture_files import check_page, check_video, write_replay
 from rr1plan.cli.scene_options import check_scene_name, refuse_sequence
+from rr1plan.cli.standard_input import readable_file
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
@@ -67,16 +68,20 @@ def saved_motion(
     checks: dict[str, bool] | None = None,
     scene: rp.Scene | None = None,
 ) -> MotionPlan | SequencePlan:
-    """A motion or a sequence from a file of any kind, validated in a given scene, that of the options, or its own."""
+    """A motion or a sequence from a file of any kind, or from standard input ("-").
+
+    It is validated in a given scene, that of the options, or its own.
+    """
     with console.progress("loading the scene"):
         if scene is None and options.scene is not None:
             check_scene_name(options.scene)
             scene = load_scene(options.scene)
     refuse_sequence(file)
-    with console.progress("checking") as advance:
-        if options.topic is None and holds_sequence(file):
-            return load_sequence(file, scene, **(checks or {}), progress=progress_callback(advance))
-        return rp.load_motion(file, scene, topic=options.topic, **(checks or {}), progress=progress_callback(advance))
+    checks = checks or {}
+    with readable_file(file) as there, console.progress("checking") as advance:
+        if options.topic is None and holds_sequence(there):
+            return load_sequence(there, scene, **checks, progress=progress_callback(advance))
+        return rp.load_motion(there, scene, topic=options.topic, **checks, progress=progress_callback(advance))
 
 
 def single_motion(file: str, options: Namespace, console: Console, use: str) -> tuple[MotionPlan, rp.Trajectory]:

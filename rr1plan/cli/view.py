@@ -20,6 +20,7 @@ from rr1plan.cli.scene_options import (
     refuse_sequence,
 )
 from rr1plan.cli.served_page import live_options, serve
+from rr1plan.cli.standard_input import STANDARD_INPUT
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.export.csv_files import save_csv
 from rr1plan.export.motion_files import is_motion_file
@@ -131,7 +132,8 @@ def _other(
 
 def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | rp.SequencePlan | None]:
     """A scene, or one of a robot alone, and a motion in it if the name is that of a motion file."""
-    is_scene = options.what in scene_names() or not is_motion_file(options.what)
+    is_motion = options.what == STANDARD_INPUT or is_motion_file(options.what)
+    is_scene = options.what in scene_names() or not is_motion
     if is_scene and options.topic is not None:
         raise InputError(f"{options.what} is not a motion file; --topic names the topic of a bag")
     if is_scene and options.what not in scene_names():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -290,6 +292,40 @@ def test_standard_output_takes_one_thing(options: list[str], words: str, capsys:
     written = capsys.readouterr()
     assert words in written.out + written.err
     assert not list(Path.cwd().iterdir())
+
+
+def test_a_minus_reads_a_motion_from_standard_input(
+    motion: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def given(content: str, *words: str) -> int:
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(content.encode())))
+        return run(words)
+
+    saved = rp.load_motion(motion)
+    table = rp.save_csv("m.csv", saved.trajectory).read_text()
+    message = rp.save_joint_trajectory("m.yaml", saved.trajectory).read_text()
+    assert given(motion.read_text(), "validate", "-") == OK
+    assert given(motion.read_text(), "view", "-", "--html", "page.html") == OK
+    assert given(table, "validate", "-", "--scene", "rr1_table") == OK
+    assert given(message, "play", "-", "--mode", "kinematic", "--scene", "rr1_table") == OK
+    capsys.readouterr()
+    for content, words in (
+        ("", "is empty, expected a motion"),
+        ("{", "standard input:1: is not JSON"),
+        (table, "standard input holds a motion without its scene"),
+    ):
+        assert given(content, "validate", "-") == BAD_INPUT
+        assert words in capsys.readouterr().err
+    monkeypatch.setattr("sys.stdin", None)
+    assert run(["validate", "-"]) == BAD_INPUT
+    assert "cannot read standard input: it is closed" in capsys.readouterr().err
+
+
+def test_a_margin_that_is_not_kept_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", "rr1_table", "--goal", "zero", "--margin", "0.05"]) == OK
+    assert re.search(r"^margin: \S+ mm kept, not 50 mm, because", capsys.readouterr().out, re.MULTILINE)
+    assert run(["plan", "rr1_table", "--goal", "zero", "--margin", "0.001"]) == OK
+    assert "margin: " not in capsys.readouterr().out
 
 
 def test_a_motion_that_is_too_fast_is_invalid_and_exits_with_4(
