@@ -89,7 +89,9 @@ def number_array(name: str, value: object) -> Array:
             raise TypeError("NumPy converts truth values, text, times, masked values and complex numbers, too")
         array = np.array(value, dtype=np.float64, order="C")  # kernels read C order
     except (TypeError, ValueError, OverflowError, Warning) as error:
-        raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error
+        is_name = name == "q" and isinstance(value, str)
+        advice = "; robot.configuration(name) has the numbers of a named one" if is_name else ""
+        raise InputError(f"{name} is not an array of numbers: {shown(value)}{advice}") from error
     return array
 
 

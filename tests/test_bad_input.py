@@ -41,6 +41,21 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "replay_of_a_file": (lambda s: rp.simulate("m.json", s), rp.InputError, "load one with load_motion"),
     "segments_alone": (lambda s: rp.plan_sequence([]), rp.InputError, r"e.g. Sequence\(scene, segments\)"),
     "budget_of_many": (lambda s: rp.plan_many([], budget=2.0), rp.InputError, r"e.g. Budget\(seconds=5\)"),
+    "name_as_q": (
+        lambda s: rp.CollisionChecker(s).is_free("home"),
+        rp.InputError,
+        r"'home'; robot.configuration\(name\) has the numbers",
+    ),
+    "columns_of_a_robot": (
+        lambda s: rp.validate(rp.Trajectory.rest(["joint1", "joint2"], [0, 0]), s),
+        rp.InputError,
+        "a joint is named 'arm/joint1'; see scene.joint_names",
+    ),
+    "points_as_obstacle": (
+        lambda s: s.with_obstacle("scan", np.zeros((5, 3))),
+        rp.InputError,
+        r"PointCloud\(points, resolution\)",
+    ),
     "complex_start": (lambda s: rp.Problem(s, [1j, 0], "home"), rp.InputError, "joint joint1"),
     "complex_pose": (lambda s: rp.PoseGoal("tool", [1j, 0, 0]), rp.InputError, "not an array of numbers"),
     "start_of_a_generator": (lambda s: rp.Problem(s, (k for k in "ab"), "home"), rp.InputError, "is <generator"),

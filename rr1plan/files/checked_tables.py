@@ -27,6 +27,7 @@ _SYNONYMS = (
     ("quaternion", "rpy", "rotation", "orientation", "euler"),
     ("box", "size", "dimensions"),
     ("sphere", "radius"),
+    ("length", "height"),
 )
 
 
@@ -173,14 +174,19 @@ class Table:
         """The unread keys."""
         return tuple(key for key in self._data if key not in self._asked)
 
-    def finish(self) -> None:
+    def finish(self, *later: str) -> None:
         """Reject unread keys.
+
+        Args:
+            later: Keys that are read later.
 
         Raises:
             FormatError: an unread key; the message suggests similar known keys.
         """
+        known = sorted(self._asked.union(later))
         for key in self.unasked():
-            known = sorted(self._asked)
+            if key in later:
+                continue
             raise self.error(str(UnknownNameError("key", key, known, near=_synonyms(key, known))), key)
 
     def error(self, message: str, key: str | None = None) -> FormatError:
@@ -192,7 +198,8 @@ class Table:
     def check_there(self, file: Path, key: str) -> None:
         """Reject the name of a missing file, with the line that gives it."""
         if not os.path.lexists(file):
-            raise self.error(f"there is no such file: {file}", key)
+            slashes = "; a slash separates folders, not a backslash" if "\\" in str(file) else ""
+            raise self.error(f"there is no such file: {file}{slashes}", key)
 
     @contextmanager
     def blame(self, key: str | None = None) -> Iterator[None]:
@@ -242,7 +249,7 @@ def line_of(text: str, place: tuple[str, ...]) -> int | None:
         body = body[: following.start()] if following else body
         inner = re.search(rf"^\s*{_key_pattern(place[depth])}\s*[.=]", body, re.MULTILINE)
         return start if inner is None else start + body.count("\n", 0, inner.start(0) + len(inner[0]))
-    top = re.search(rf"^\s*{_key_pattern(place[0])}\s*[.=]", text, re.MULTILINE) if place else None
+    top = re.search(rf"^\s*\[*\s*{_key_pattern(place[0])}\s*[.=]", text, re.MULTILINE) if place else None
     return None if top is None else text.count("\n", 0, top.end()) + 1
 
 

@@ -8,6 +8,7 @@ the old file or the new one, never half of one. A symbolic link is kept, and its
 
 from __future__ import annotations
 
+import codecs
 import errno
 import gzip
 import os
@@ -90,8 +91,11 @@ def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
     Raises:
         FormatError: as `read_bytes`, or not UTF-8.
     """
+    data = read_bytes(file, max_bytes)
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise FormatError("is UTF-16, not UTF-8 text: save it as UTF-8 (in PowerShell, Out-File -Encoding utf8)", file)
     try:
-        return read_bytes(file, max_bytes).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
 

@@ -80,6 +80,8 @@ class MeshLookup:
         advice = "name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
         if alike is not None:
             advice = f"there is {alike}: upper and lower case count"
+        elif "\\" in what:
+            advice = "a slash separates folders, not a backslash"
         raise FormatError(f"{what} {why}; tried {listed}; {advice}")
 
     @property

@@ -22,7 +22,7 @@ from rr1plan.checks import (
     of_kind,
     shown,
 )
-from rr1plan.errors import InputError
+from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.notebook_view import NotebookView
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import Limits
@@ -112,7 +112,11 @@ class SceneContent(Value, NotebookView):
         Raises:
             UnknownNameError: no such arm.
         """
-        return self.arms[known_name("arm", name, self.arms)]
+        if not isinstance(name, str) or name not in self.arms:
+            owner = next((arm for arm, placed in self.arms.items() if name in placed.robot.joint_names), None)
+            column = f"In a scene a joint is named {f'{owner}/{name}'!r}; see scene.joint_names()." if owner else ""
+            raise UnknownNameError("arm", name, self.arms, column)
+        return self.arms[name]
 
     def only_arm(self, name: str | None = None) -> str:
         """`name` if there is such an arm, or for None the name of the only arm.

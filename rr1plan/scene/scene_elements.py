@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import HEAVIEST, Array, Value, number_from_zero, of_kind, positive_number, shown
+from rr1plan.checks import HEAVIEST, Array, Value, number_from_zero, of_kind, positive_number, shape_of, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud
@@ -118,6 +118,8 @@ def posed_shapes(values: Any) -> tuple[Geometry, ...]:
         geometries = (values,)
     if not all(isinstance(one, Geometry) for one in geometries):
         advice = "; load_mesh reads a mesh file" if isinstance(values, str | PathLike) else ""
+        if len(shape_of(values)) == 2:
+            advice = "; PointCloud(points, resolution) and Mesh(vertices, faces) are shapes from arrays"
         raise InputError(
             f"got {shown(values)} as an object's shape, expected a shape such as Box((1, 1, 1)) in "
             f"with_obstacle, or a list of Geometry(name, shape, pose){advice}"

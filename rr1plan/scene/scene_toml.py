@@ -68,6 +68,7 @@ class RobotLoader(Protocol):
 
 
 _VERSION = 1
+_CONTENT = ("arms", "obstacles", "attachments", "padding", "allowed", "pair_padding", "queries")
 _FRICTION = Obstacle.friction
 _MAX_BYTES = 64 * 1024 * 1024
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
@@ -117,13 +118,13 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
         raise top.error("holds a sequence, not a scene; read it with load_segments", "segments")
     folder = Path(file).absolute().parent
     scene = Scene(name=top.string("name", text_stem(file)), description=top.string("description", ""))
+    top.finish(*_CONTENT)  # first, because a misspelt [arms.NAME] makes names in the rules unknown
     arms = _read_arms(top.table("arms"), folder, load_robot)
     with top.blame("arms"):
         scene = replace(scene, arms=arms)
     scene = _with_objects(scene, top, folder)
     scene = _with_rules(scene, top)
     problems = read_queries(top.table("queries"), scene)
-    top.finish()
     return SceneFile(scene, problems)
 
 

@@ -361,6 +361,11 @@ def test_a_package_has_the_name_in_its_package_xml_too(
             MeshLookup((), hand / "r.urdf").find(name)
 
 
+def test_a_backslash_between_folders_is_named(package: Path) -> None:
+    with pytest.raises(FormatError, match="a slash separates folders, not a backslash"):
+        MeshLookup((), package / "urdf" / "r.urdf").find("..\\meshes\\gone.stl")
+
+
 def test_the_error_lists_every_place_that_was_tried(package: Path, tmp_path: Path) -> None:
     given = tmp_path / "given"
     with pytest.raises(FormatError) as caught:

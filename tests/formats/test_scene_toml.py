@@ -310,6 +310,16 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
             SIMPLE + "orientation = [1, 0, 0, 0]\n",
             "'orientation'. Did you mean 'quaternion' or 'rpy' or 'rotation'? Known",
         ),
+        (
+            SIMPLE + "[obstacles.a]\ncylinder = { radius = 1, height = 1 }\n",
+            "no 'length', which is required. Did you mean 'length' where it says 'height'?",
+        ),
+        (SIMPLE + "[query.a]\ngoal = 'home'\n", "scene.toml:4: query: unknown key 'query'. Did you mean 'queries'"),
+        (
+            "allowed = [['arm/link1', 'arm/link2']]\n[arm.arm]\nrobot = 'planar2r'\n",
+            "scene.toml:2: arm: unknown key 'arm'. Did you mean 'arms'",
+        ),
+        (SIMPLE + "[obstacles.a]\nmesh = 'parts\\mug.stl'\n", "; a slash separates folders, not a backslash"),
         (SIMPLE + "[obstacles.a]\nsize = [1, 1, 1]\n", "Did you mean 'box' where it says 'size'?"),
         (SIMPLE + "[queries.q]\ngoal = { xyz = [1, 0, 0] }\n", "Did you mean 'position' where it says 'xyz'?"),
         ("version = 7\n", "version 7, expected 1"),
@@ -400,6 +410,9 @@ def test_deep_nesting_and_other_bytes_are_refused(tmp_path: Path) -> None:
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FormatError, match="not UTF-8"):
         read_scene(tmp_path / "binary.toml", load_robot)
+    (tmp_path / "powershell.toml").write_text(SIMPLE, encoding="utf-16")
+    with pytest.raises(FormatError, match="save it as UTF-8"):
+        read_scene(tmp_path / "powershell.toml", load_robot)
     with pytest.raises(FormatError, match="no such file"):
         load_scene(tmp_path / "gone.toml")
 
