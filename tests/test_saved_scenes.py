@@ -182,6 +182,24 @@ def test_the_margin_of_a_problem_is_in_files(tmp_path: Path, rr1_table: rp.Scene
         rp.load_problems(file)
 
 
+def test_problems_of_another_scene_are_saved_by_joint_name(tmp_path: Path, crane: Path) -> None:
+    one = rp.Scene().with_arm("arm", rp.load_robot(crane, joints=["turn", "fold"]))
+    turned = rp.Scene().with_arm("arm", rp.load_robot(crane, joints=["fold", "turn"]))
+    problem = rp.Problem(one, [0.1, 0.2], [0.3, 0.4])
+    file = rp.save_scene(tmp_path / "cell.toml", turned, problems={"there": problem})
+    assert rp.load_problems(file)["there"].start.tolist() == [0.2, 0.1]
+    read = read_plan_file(save_motion(tmp_path / "m.json", turned, problem=problem)).problem
+    assert read is not None
+    assert read.start.tolist() == [0.2, 0.1]
+    other = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    with pytest.raises(
+        rp.InputError, match=r"problem 'there' cannot be a query of the scene .* joints turn, fold of arm"
+    ):
+        rp.save_scene(tmp_path / "other.toml", other, problems={"there": problem})
+    with pytest.raises(rp.InputError, match="the problem moves the joints turn, fold of arm"):
+        save_motion(tmp_path / "m.json", other, problem=problem)
+
+
 def test_options_with_which_a_robot_was_loaded_are_in_the_scene_file(tmp_path: Path) -> None:
     """A fork of two prongs, from a package, whose hull would close it."""
     prongs = [trimesh.creation.box((0.2, 0.02, 0.02), rp.transforms.pose([0.3, y, 0.0])) for y in (-0.05, 0.05)]

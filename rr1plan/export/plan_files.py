@@ -123,7 +123,7 @@ def save_motion(
         path: The path.
         trajectory: The trajectory.
         report: The referee's report.
-        problem: The planning problem.
+        problem: The planning problem, whose arms have the same joints in `scene`.
         plan_graph: The temporal plan graph of the trajectory as returned by `PlanGraph.to_dict`; see also
             `rr1plan.save_plan_graph`.
         embed: Embed large meshes and point clouds, which makes the file self-contained. Otherwise they are written to
@@ -131,8 +131,8 @@ def save_motion(
 
     Raises:
         UnknownNameError: a joint the scene does not have.
-        InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, another
-            suffix, or the file cannot be written.
+        InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, a
+            problem of other arms or joints, another suffix, or the file cannot be written.
     """
     of_kind("scene", scene, Scene, method="save")
     entries = _motion_entries(scene, path, trajectory, report, problem)
@@ -201,6 +201,8 @@ def _motion_entries(
         entries["report"] = report.to_dict()
     if problem is not None:
         of_kind("problem", problem, Problem)
+        if problem.scene is not scene:
+            problem = problem.in_scene(scene)  # values are read back in the order of the joints there
         entries["problem"] = {n: values.plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
         if problem.margin > 0.0:  # earlier versions reject the entry
             entries["problem"]["margin"] = problem.margin

@@ -33,7 +33,8 @@ def save_scene(
     Args:
         file: The file, whose name ends in .toml; it is replaced atomically.
         scene: The scene. Meshes and point clouds are written into the file.
-        problems: Named queries, for `load_problems`; they are read back as queries in `scene`.
+        problems: Named queries, for `load_problems`. Those of another scene are saved as queries in `scene`, if their
+            arms have the same joints there (`Problem.in_scene`).
         robots: Name or file of the robot of each arm, files relative to the scene file (default: the name with which
             `load_robot` makes this robot if it ships with rr1plan or is installed, else the file it was loaded from).
 
@@ -41,17 +42,16 @@ def save_scene(
         The file.
 
     Raises:
-        InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that was
-            changed after loading, or has other named configurations) or not at all, another suffix, or a file that
-            cannot be written.
+        InputError: a problem of other arms or joints, a robot that was not loaded from a file, a scene that would read
+            back differently (a robot that was changed after loading, or has other named configurations) or not at all,
+            another suffix, or a file that cannot be written.
         UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
     path = check_writable(file, ".toml")
     of_kind("problems", problems, Mapping, optional=True)
     of_kind("robots", robots, Mapping, optional=True)
-    for problem in (problems or {}).values():
-        of_kind("one of the problems", problem, Problem)
+    problems = {name: _problem_in(scene, name, problem) for name, problem in (problems or {}).items()}
     for name, robot in (robots or {}).items():
         known_name("arm", name, scene.arms)
         check_text(f"robot of arm {name!r}", robot)
@@ -70,6 +70,14 @@ def save_scene(
     for name, arm in scene.arms.items():
         _check_reads_back(path, name, arm, again.arms[name], names[name])
     return write_text(path, text)
+
+
+def _problem_in(scene: Scene, name: str, problem: Problem) -> Problem:
+    of_kind("one of the problems", problem, Problem)
+    try:
+        return problem if problem.scene is scene else problem.in_scene(scene)
+    except InputError as error:
+        raise InputError(f"problem {name!r} cannot be a query of the scene {scene.name!r}: {error}") from error
 
 
 def _check_reads_back(path: Path, name: str, arm: Arm, again: Arm, entry: str) -> None:
