@@ -97,7 +97,7 @@ class Comparison:
             quick = self._certify(q, q)[0] == FREE
         with clock.stage("configurations, Coal"):
             sure = np.array([self.is_free_by_coal(one) for one in q])
-        tally.update(asked=count, free=int(sure.sum()))
+        tally.update(checked=count, free=int(sure.sum()))
         for i in np.flatnonzero(quick != sure):
             self._differ(tally, q[i], q[i], q[i], f"Coal: {'free' if sure[i] else 'a contact'}")
         for one, free in zip(q[::_EVERY_PLAIN], sure[::_EVERY_PLAIN], strict=True):
@@ -113,7 +113,7 @@ class Comparison:
             status, where = self._certify(begins, ends)
         with clock.stage("edges, exact kernel"):
             exact = np.array([self.exact.edge_is_free_slowly(*ends_of) for ends_of in zip(begins, ends, strict=True)])
-        tally.update(asked=count, free=int((status == FREE).sum()))
+        tally.update(checked=count, free=int((status == FREE).sum()))
         with clock.stage("edges, Coal"):
             for i in range(count):
                 self._judge(begins[i], ends[i], int(status[i]), float(where[i]))
@@ -126,7 +126,7 @@ class Comparison:
         # The referee checks the scene's padding, not the margin.
         for i in range(0, count if self.margin == 0.0 else 0, _EVERY_JUDGED):
             with clock.stage("edges, referee"):
-                self._ask_referee(begins[i], ends[i], status[i] == FREE, float(where[i]))
+                self._compare_with_referee(begins[i], ends[i], status[i] == FREE, float(where[i]))
 
     def is_free_by_coal(self, q: Array) -> bool:
         """Coal's result for a configuration."""
@@ -150,7 +150,7 @@ class Comparison:
             return
         self._differ(tally, q0, q1, q0 + where * (q1 - q0), f"the kernel: free; Coal: {verdict}")
 
-    def _ask_referee(self, q0: Array, q1: Array, free: bool, where: float) -> None:
+    def _compare_with_referee(self, q0: Array, q1: Array, free: bool, where: float) -> None:
         """The referee's verdict on an edge."""
         path = rp.Path(self.checker.joint_names, np.array([q0, q1]))
         report = rp.certify_path(path, self.scene, clearance=False)
@@ -206,8 +206,8 @@ class Comparison:
         """The kernel's status of each edge (free, a contact, or grazing), and where."""
         if not self.checker.static_is_free:
             return np.full(len(begins), CONTACT), np.zeros(len(begins))
-        answers = [self.kernel.certify_edge(q0, q1) for q0, q1 in zip(begins, ends, strict=True)]
-        return np.array([a[0] for a in answers]), np.array([a[1] for a in answers])
+        results = [self.kernel.certify_edge(q0, q1) for q0, q1 in zip(begins, ends, strict=True)]
+        return np.array([r[0] for r in results]), np.array([r[1] for r in results])
 
 
 # ---- the command ---------------------------------------------------------------------------------
@@ -219,15 +219,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     tallies = [tally for name in args.robot for tally in _compare(name, args)]
     facts = {"seed": args.seed, "tolerance": f"{TOLERANCE:g} m", "band": f"{BAND:g} m"}
     differences = [d for tally in tallies for d in tally.differences]
-    text = "\n\n".join([heading("Compiled answers and Coal's", facts), *_tables(tallies), _told(differences)])
+    text = "\n\n".join([heading("Compiled kernels and Coal", facts), *_tables(tallies), _listed(differences)])
     save(args.out, "agreement", {"settings": facts, "scenes": [t.to_dict() for t in tallies]}, text)
     return 1 if differences else 0
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = make_parser("Compiled answers against Coal's", "agreement")
+    parser = make_parser("Compare the compiled kernels with Coal", "agreement")
     subjects = (*ROBOTS, CROWDS)
-    parser.add_argument("--robot", nargs="+", choices=subjects, default=list(subjects), help="robots to ask about")
+    parser.add_argument("--robot", nargs="+", choices=subjects, default=list(subjects), help="robots to check")
     parser.add_argument("--scenes", help="those of which the name contains this")
     for name in FOREIGN:
         parser.add_argument(
@@ -236,7 +236,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--folder", type=Path, help="where pip may put example-robot-data if it is not installed")
     parser.add_argument("--configurations", type=int, default=1_000_000, help="of each robot, over all its scenes")
     parser.add_argument("--edges", type=int, default=100_000, help="of each robot, over all its scenes")
-    parser.add_argument("--seconds", type=float, default=np.inf, help="ask about each robot for no longer than this")
+    parser.add_argument("--seconds", type=float, default=np.inf, help="check each robot for no longer than this")
     return parser.parse_args(argv)
 
 
@@ -247,19 +247,19 @@ def _compare(name: str, args: argparse.Namespace) -> list[Tally]:
     rng, begun = np.random.default_rng([args.seed, (*ROBOTS, CROWDS).index(name)]), time.monotonic()
     # Shuffled, so that the checks within the time limit are spread over all scenes.
     for k in track(rng.permutation(len(work)).tolist(), name):
-        part, question, count = work[k]
-        getattr(part, question)(rng, count)
+        part, check, count = work[k]
+        getattr(part, check)(rng, count)
         if time.monotonic() - begun > args.seconds:
             break
     return [part.tally for part in parts]
 
 
-def _shares(parts: list[Comparison], question: str, total: int, kind: int) -> Iterator[tuple[Comparison, str, int]]:
-    """The questions to each scene, in chunks."""
+def _shares(parts: list[Comparison], check: str, total: int, kind: int) -> Iterator[tuple[Comparison, str, int]]:
+    """The checks in each scene, in chunks."""
     for i, part in enumerate(parts):
         left = total * (i + 1) // len(parts) - total * i // len(parts)
         while left > 0:
-            yield part, question, min(part.chunks[kind], left)
+            yield part, check, min(part.chunks[kind], left)
             left -= part.chunks[kind]
 
 
@@ -294,16 +294,16 @@ def _shipped(name: str) -> Iterator[tuple[str, rp.Scene]]:
 
 
 def _tables(tallies: Sequence[Tally]) -> list[str]:
-    header = ["configurations", "scenes", "asked", "free", "grazing", "different"]
+    header = ["configurations", "scenes", "checked", "free", "grazing", "different"]
     edges = [
         "edges",
-        "asked",
+        "checked",
         "free",
         "proven by Coal",
         "narrow",
         "undecided",
         "contact confirmed",
-        "asked of the referee",
+        "checked by the referee",
         "grazing",
         "different",
     ]
@@ -311,8 +311,8 @@ def _tables(tallies: Sequence[Tally]) -> list[str]:
     for robot in dict.fromkeys(t.robot for t in tallies):
         own = [t for t in tallies if t.robot == robot]
         c, e = sum((t.configurations for t in own), Counter()), sum((t.edges for t in own), Counter())
-        rows.append([robot, len(own), c["asked"], *_of(c, "free", "grazing", "different")])
-        more.append([robot, e["asked"], *_of(e, *_EDGES)])
+        rows.append([robot, len(own), c["checked"], *_of(c, "free", "grazing", "different")])
+        more.append([robot, e["checked"], *_of(e, *_EDGES)])
     return [table(header, rows), table(edges, more)]
 
 
@@ -320,10 +320,10 @@ def _of(counts: Counter[str], *names: str) -> list[int]:
     return [counts[name] for name in names]
 
 
-def _told(differences: list[dict[str, Any]]) -> str:
+def _listed(differences: list[dict[str, Any]]) -> str:
     if not differences:
-        return "No answer differs."
-    return "\n".join(["Answers that differ:", "", *(f"- {d}" for d in differences)])
+        return "No result differs."
+    return "\n".join(["Results that differ:", "", *(f"- {d}" for d in differences)])
 
 
 if __name__ == "__main__":

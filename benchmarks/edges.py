@@ -57,7 +57,7 @@ def main() -> int:
         per = [1e6 * quick / done.configurations, *(1e6 * t / args.edges for t in (quick, slow))]
         times = " | ".join(f"{t:.3g}" for t in per)
         print(f"| {name} | {times} | {exact.mean():.0%} | {done.exact_edges / args.edges:.1%} |")
-    print("all answers agree" if agree else "ANSWERS DIFFER")
+    print("all results agree" if agree else "RESULTS DIFFER")
     return 0 if agree else 1
 
 

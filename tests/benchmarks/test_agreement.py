@@ -16,7 +16,7 @@ from rr1plan.transforms import pose
 
 
 @pytest.mark.parametrize("robot", ["planar2r", "rr1", "panda", "ur5"])
-def test_compiled_answers_are_coals(script, tmp_path, robot):
+def test_compiled_results_are_those_of_coal(script, tmp_path, robot):
     """Thousands of configurations and hundreds of edges in cluttered and shipped scenes."""
     agreement = script("agreement")
     if robot in agreement.FOREIGN and agreement.find_urdf(agreement.FOREIGN[robot], None) is None:
@@ -24,20 +24,20 @@ def test_compiled_answers_are_coals(script, tmp_path, robot):
     sizes = ["--configurations", "1500", "--edges", "120", "--out", str(tmp_path)]
     assert agreement.main(["--robot", robot, *sizes]) == 0
     scenes = json.loads((tmp_path / "agreement.json").read_text())["scenes"]
-    asked = {what: sum(scene[what]["asked"] for scene in scenes) for what in ("configurations", "edges")}
-    assert asked == {"configurations": 1500, "edges": 120}
+    checked = {what: sum(scene[what]["checked"] for scene in scenes) for what in ("configurations", "edges")}
+    assert checked == {"configurations": 1500, "edges": 120}
     edges = [scene["edges"] for scene in scenes]
     told = [sum(e.get(name, 0) for e in edges) for name in ("proven", "contact confirmed", "narrow", "grazing")]
     assert sum(told) == 120
     assert min(told[:2]) > 12
-    assert "No answer differs." in (tmp_path / "agreement.md").read_text()
+    assert "No result differs." in (tmp_path / "agreement.md").read_text()
 
 
 # ---- errors are found ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("status", "what"), [(0, "Coal: contact"), (1, "Coal: free there")])
-def test_a_kernel_with_one_answer_for_all_is_found_out(script, tmp_path, monkeypatch, status, what):
+def test_a_kernel_with_one_result_for_all_is_found_out(script, tmp_path, monkeypatch, status, what):
     agreement = script("agreement")
 
     def always(self, begins, ends):
@@ -136,7 +136,7 @@ def test_a_robot_without_a_file_is_left_out(script, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("scenes", ["2 at 0.35 m", "4 at 0.5 m, 3 move", "margin", "rods", "all shapes", "planar2r"])
-def test_compiled_answers_are_coals_among_many_arms(script, tmp_path, monkeypatch, scenes):
+def test_compiled_results_are_those_of_coal_among_many_arms(script, tmp_path, monkeypatch, scenes):
     """Equal arms and two robots, some stationary, next to all shapes, with margin, padding and attached rods."""
     agreement = script("agreement")
     monkeypatch.setattr(agreement, "find_urdf", lambda name, folder: None)
@@ -145,7 +145,7 @@ def test_compiled_answers_are_coals_among_many_arms(script, tmp_path, monkeypatc
     found = json.loads((tmp_path / "agreement.json").read_text())["scenes"]
     assert all(scenes in scene["scene"] for scene in found)
     configurations = [scene["configurations"] for scene in found]
-    assert sum(c["asked"] for c in configurations) == 120
+    assert sum(c["checked"] for c in configurations) == 120
     assert 0 < sum(c["free"] for c in configurations) < 120
     edges = [scene["edges"] for scene in found]
     assert sum(e.get(n, 0) for e in edges for n in ("proven", "contact confirmed", "narrow", "grazing")) == 24
