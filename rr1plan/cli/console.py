@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import logging
 import os
@@ -10,12 +9,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console as RichConsole
-from rich.markup import escape
-from rich.table import Table
 
+from rr1plan.cli.text_tables import table_lines
 from rr1plan.errors import InputError
 from rr1plan.progress_bar import Advance, no_progress, progress_bar
 
@@ -26,6 +25,9 @@ if TYPE_CHECKING:
 _STAGES = {"set up": "preparing the scene", "shorten": "shortening", "retime": "retiming", "validate": "proving"}
 # Width of a table that is not shown on a terminal.
 _WIDEST = 10_000
+# Width of a paragraph on a wide terminal or in a pipe.
+_PARAGRAPH = 100
+_BOLD, _PLAIN = "\x1b[1m", "\x1b[0m"
 
 
 class Console:
@@ -71,16 +73,14 @@ class Console:
         """A table for people: as wide as the terminal, or one line per row if there is none."""
         if self.as_json or self.quiet:
             return
-        table = Table(header_style="bold", box=None, pad_edge=False)
-        for i, name in enumerate(columns):
-            words = [word for row in rows for word in row[i].split()]
-            table.add_column(name, min_width=max(map(len, words), default=0), overflow="fold")
-        for row in rows:
-            table.add_row(*(escape(cell) for cell in row))
-        # Rendered to a buffer: only `write` accesses standard output, which may fail.
-        text, out = io.StringIO(), self._out
-        RichConsole(file=text, width=out.width, force_terminal=out.is_terminal, highlight=False).print(table)
-        self.write("".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines()))
+        names, *lines = table_lines(columns, rows, self._out.width)
+        if self._out.is_terminal and not self._out.is_dumb_terminal:
+            names = f"{_BOLD}{names}{_PLAIN}"
+        self.write("".join(f"{line}\n" for line in (names, *lines)))
+
+    def paragraph(self, text: str) -> None:
+        """A text for people, wrapped to the width of the terminal."""
+        self.say(fill(text, min(self._out.width, _PARAGRAPH), break_on_hyphens=False))
 
     def names(self, names: Sequence[str]) -> None:
         """Print only the names of a list, one per line, if `--quiet` was given."""

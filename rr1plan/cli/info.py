@@ -7,7 +7,6 @@ import platform
 import sys
 from argparse import Namespace
 from functools import cache
-from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -53,7 +52,8 @@ def robots(options: Namespace, console: Console) -> int:
     console.table(("robot", "joints", "links", "limit presets"), rows)
     installed = installed_robots()
     if installed:
-        console.say(f"\nof the package {PACKAGE} {_version(PACKAGE)}:\n{fill(', '.join(installed), 100)}")
+        console.say(f"\nof the package {PACKAGE} {_version(PACKAGE)}:")
+        console.paragraph(", ".join(installed))
     else:
         console.say("\nmore come with: pip install 'rr1plan[robots]'")
     console.names([*(v["name"] for v in values), *installed])
