@@ -122,7 +122,7 @@ class CollisionChecker(CoalChecker):
         margin = number_from_zero("margin", margin)
         if margin == self.margin:
             return
-        if geometry_distance(self._scene, margin) != self.distance:
+        if geometry_distance(self._scene, margin) != self.omission_distance:
             raise InputError(f"a margin of {margin:g} m needs another checker than one of {self.margin:g} m; make one")
         self._keep_margin(margin)
         self._without.clear()
@@ -169,7 +169,9 @@ class CollisionChecker(CoalChecker):
         """
         mine = self._scene
         same_padding = (scene.padding, scene.pair_padding) == (mine.padding, mine.pair_padding)
-        same_tables = geometry.pairs is self.pair_tables and geometry.distance == self.distance and self.is_warm
+        same_tables = (
+            geometry.pairs is self.pair_tables and geometry.distance == self.omission_distance and self.is_warm
+        )
         if not (same_tables and same_padding and self.fixed.fit(geometry.obstacles)):
             return False
         self.fixed.replace(geometry.obstacles, self._kernel.context)
@@ -198,7 +200,7 @@ class CollisionChecker(CoalChecker):
         Empty above 64 obstacles, where some may be omitted, unless the checker is `complete`. The kernel updates pairs
         that involve a moving arm; it does not check contacts with stationary arms.
         """
-        complete = len(self._scene.obstacles) <= FEW_OBSTACLES or self.distance == np.inf
+        complete = len(self._scene.obstacles) <= FEW_OBSTACLES or self.omission_distance == np.inf
         names = self._scene.obstacles if complete else ()
         first = len(self.arms) + len(self.geometry.obstacles.counts) - len(names)
         return {name: first + i for i, name in enumerate(names)}

@@ -71,7 +71,7 @@ def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> Colli
 
 def release_checker(checker: CollisionChecker) -> None:
     """Put a checker back into the pool of its scene."""
-    idle = _idle(checker.scene, checker.arms, checker.distance)
+    idle = _idle(checker.scene, checker.arms, checker.omission_distance)
     idle.append(checker)
     if checker.is_warm:
         with _lock:

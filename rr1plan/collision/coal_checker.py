@@ -50,7 +50,7 @@ class CoalChecker:
 
     Attributes:
         arms: As given, in the order of the scene.
-        distance: Elements that provably stay farther than this from every moving arm are omitted [m].
+        omission_distance: Elements that provably stay farther than this from every moving arm are omitted [m].
         pair_tables: The pairs of solids.
         solid_pairs: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
         solid_owner: Index in `pairs` of each of those, shape (m,).
@@ -75,7 +75,7 @@ class CoalChecker:
     def _use(self, geometry: CollisionGeometry, margin: float) -> None:
         scene = self.scene
         self._geometry: CollisionGeometry | None = geometry
-        self.distance, self.pair_tables = geometry.distance, geometry.pairs
+        self.omission_distance, self.pair_tables = geometry.distance, geometry.pairs
         self.solid_pairs: NDArray[np.int64] = geometry.pairs.moving
         self.solid_owner: NDArray[np.int64] = geometry.pairs.moving_owner
         self.padding: Array = read_only(geometry.rules.paddings(scene.padding, scene.pair_padding))
@@ -105,7 +105,7 @@ class CoalChecker:
 
     @exclusive
     def _new_geometry(self) -> CollisionGeometry:
-        geometry = self._geometry = collision_geometry(self.scene, self.arms, self.distance)
+        geometry = self._geometry = collision_geometry(self.scene, self.arms, self.omission_distance)
         return geometry
 
     def _obstacles_moved(self) -> None:

@@ -89,7 +89,7 @@ class TimedChecker:
         self._alone = CollisionChecker(
             _without(scene, tuple(self._motions)), self.arms, margin=checker.margin, tolerance=checker.tolerance
         )
-        self.near_arms = _near_arms(scene, self.arms, tuple(self._motions), checker.distance)
+        self.near_arms = _near_arms(scene, self.arms, tuple(self._motions), checker.omission_distance)
 
     def __repr__(self) -> str:
         return f"TimedChecker(arms={list(self.arms)}, among {list(self._motions)})"

@@ -75,7 +75,7 @@ class MeshLookup:
             if self._is_allowed(place):
                 return place
             why = "is outside the robot's folders"
-        listed = ", ".join(str(place) for place in tried) or "nowhere"
+        listed = ", ".join(dict.fromkeys(map(str, tried))) or "nowhere"
         alike = next((other for place in tried for other in _alike(place) if self._is_allowed(other)), None)
         advice = "name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
         if alike is not None:

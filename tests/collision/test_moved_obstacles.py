@@ -223,7 +223,7 @@ def test_a_checker_that_changes_to_another_scene_answers_like_a_new_one(six, odd
         other = refurnished(scene, rng)
         if k == 3:
             checker.move_obstacle("hull", anywhere(rng))
-        assert checker.change_to(collision_geometry(other, checker.arms, checker.distance), other)
+        assert checker.change_to(collision_geometry(other, checker.arms, checker.omission_distance), other)
         assert checker.scene is other
         free += same_answers(checker, rng, 8)
     checker.move_obstacle("box", [3.0, 0.0, 0.0])
@@ -245,7 +245,7 @@ def test_a_checker_does_not_change_to_a_scene_with_other_tables(six, change):
         "name": scene.without_obstacle("box").with_obstacle("crate", Box((0.1, 0.2, 0.3))),
     }
     other = others[change]
-    assert not checker.change_to(collision_geometry(other, checker.arms, checker.distance), other)
+    assert not checker.change_to(collision_geometry(other, checker.arms, checker.omission_distance), other)
     assert checker.scene is scene
     same_answers(checker, rng, 2)
 
