@@ -112,11 +112,12 @@ class SceneContent(Value, NotebookView):
         Raises:
             UnknownNameError: no such arm.
         """
-        if not isinstance(name, str) or name not in self.arms:
-            owner = next((arm for arm, placed in self.arms.items() if name in placed.robot.joint_names), None)
-            column = f"In a scene a joint is named {f'{owner}/{name}'!r}; see scene.joint_names()." if owner else ""
-            raise UnknownNameError("arm", name, self.arms, column)
-        return self.arms[name]
+        if isinstance(name, str) and name in self.arms:
+            return self.arms[name]
+        columns = (column for column in self.joint_names() if isinstance(name, str) and column.endswith(f"/{name}"))
+        column = next(columns, None)
+        advice = "" if column is None else f"In a scene a joint is named {column!r}; see scene.joint_names()."
+        raise UnknownNameError("arm", name, self.arms, advice)
 
     def only_arm(self, name: str | None = None) -> str:
         """`name` if there is such an arm, or for None the name of the only arm.
