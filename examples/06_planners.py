@@ -8,7 +8,7 @@ problem = rp.load_problems("rr1_cluttered")["low_to_high"]
 for name in ("rrt_connect", "lbkpiece1", "prm", "bit_star", "anytime"):
     result = rp.plan(problem, planner=name, budget=rp.Budget(seconds=1.0), rng=1)
     length = "-" if result.path is None else f"{result.path.length:.2f} rad"
-    print(f"{name:18s} {result.status.value:8s} {result.seconds:6.2f} s  length {length}")
+    print(f"{name:18s} {result.status:8s} {result.seconds:6.2f} s  length {length}")
     if len(result.cost_history) > 1:
         print("   improved:", ", ".join(f"{cost:.2f} at {t:.2f} s" for t, cost in result.cost_history[:6]))
 
@@ -22,4 +22,4 @@ print(
 # "No answer" is a value with a reason in it.
 blocked = rp.Problem(problem.scene, None, rp.PoseGoal("tool", [-3.0, 0.0, 0.2]))
 result = rp.plan(blocked)
-print(result.status.value, "-", result.reason)
+print(result.status, "-", result.reason)

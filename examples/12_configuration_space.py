@@ -8,7 +8,7 @@ for name in ("planar2r_path", "planar2r_no_path"):
     planner = rp.RrtConnect(range=0.15, tree=True)
     result = planner.plan(problem, budget=rp.Budget(iterations=1500), rng=14)
     picture = rp.cspace(problem.scene, problem, result=result)
-    print(f"{name}: the planner says {result.status.value}")
+    print(f"{name}: the planner says {result.status}")
     print(picture)
     print(picture.save_png(f"12_{name}.png"))
     print(picture.save_svg(f"12_{name}.svg"))

@@ -23,4 +23,4 @@ print(f"the timed motion leaves the line by {1e3 * off.max():.2f} mm at most")
 
 too_far = rp.Problem(scene, None, rp.PoseGoal("tool", T[:3, 3] + [-1.0, 0.0, 0.0]))
 result = rp.plan(too_far, planner="cartesian")
-print(result.status.value, "-", result.reason)
+print(result.status, "-", result.reason)

@@ -22,7 +22,7 @@ def main():
         elif motion.valid:
             print(np.round(place, 2), f"{motion.trajectory.duration:.2f} s")
         else:
-            print(np.round(place, 2), motion.status.value, "-", motion.result.reason)
+            print(np.round(place, 2), motion.status, "-", motion.reason)
 
     # Any concurrent.futures.Executor will do. Beyond one machine, with the extra `batch`:
     #     client = distributed.Client("scheduler:8786")

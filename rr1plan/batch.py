@@ -82,6 +82,11 @@ class PlanFailure(Value):
     details: str = ""
 
     @property
+    def status(self) -> str:
+        """The name of the exception, where a `MotionPlan` has its `PlanStatus`, e.g. for tables of results."""
+        return self.error
+
+    @property
     def found(self) -> bool:
         """Always False; mirrors `MotionPlan.found` and `PlanResult.found`."""
         return False

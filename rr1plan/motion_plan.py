@@ -85,6 +85,11 @@ class MotionPlan(NotebookView):
         return self.result.status
 
     @property
+    def reason(self) -> str:
+        """Why there is no path, and what to try."""
+        return self.result.reason
+
+    @property
     def found(self) -> bool:
         """Whether the planner found a path; its motion may still not be `valid`."""
         return self.result.found

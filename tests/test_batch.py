@@ -172,11 +172,13 @@ def test_what_raises_stands_in_its_place(problems, monkeypatch):
     assert isinstance(failure, PlanFailure)
     assert (failure.problem, failure.error, failure.reason) == (problems[2], "RetimingError", "no time today")
     assert "in fail" in failure.details
+    assert [a.status for a in answers] == ["found", "found", "RetimingError", "found", "found"]
 
 
 def test_a_problem_without_an_answer_is_no_failure(problems):
     unreachable = rp.Problem(problems[0].scene, np.zeros(2), rp.PoseGoal("tool", [9.0, 0.0, 0.0]))
     (answer,) = rp.plan_many([unreachable], executor=InLine(), rng=0, budget=BUDGET)
+    assert answer.reason == answer.result.reason != ""
     assert isinstance(answer, rp.MotionPlan)
     assert answer.status is rp.PlanStatus.INFEASIBLE
 
