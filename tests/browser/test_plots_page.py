@@ -126,6 +126,25 @@ def test_torques_and_errors_are_those_of_python(calm: Any, motions: Any) -> None
     np.testing.assert_allclose(calm.ask(VALUES, ["error", float(replay.record.times[i])]), error, atol=1e-6)
 
 
+def test_texts_and_curves_grow_with_the_window(calm: Any) -> None:
+    texts = """["#title", "#plots .legend", "#clock"].map((at) =>
+        parseFloat(getComputedStyle(document.querySelector(at)).fontSize))"""
+    try:
+        calm.page.set_viewport_size({"width": 1280, "height": 720})
+        calm.next_frames()
+        small, dots = np.array(calm.ask(texts)), calm.ask("RR1.plots.charts[0].area.clientHeight")
+        calm.page.set_viewport_size({"width": 3840, "height": 2160})
+        calm.next_frames()
+        np.testing.assert_allclose(np.array(calm.ask(texts)) / small, 1.88, atol=0.03)
+        assert calm.ask("RR1.plots.charts[0].area.clientHeight") == pytest.approx(1.88 * dots, rel=0.02)
+        box = calm.page.locator("#plots .area").first.bounding_box()
+        left, right = calm.ask("(({ box, large }) => [large * box.left, large * box.right])(RR1.plots.charts[0])")
+        calm.page.mouse.click(box["x"] + 0.25 * left + 0.75 * right, box["y"] + 0.5 * box["height"])
+        assert calm.ask("RR1.time / RR1.duration") == pytest.approx(0.75, abs=0.01)
+    finally:
+        calm.page.set_viewport_size({"width": 960, "height": 640})
+
+
 def test_dragging_the_cursor_scrubs_the_motion(calm: Any) -> None:
     area = calm.page.locator("#plots .area").first
     box = area.bounding_box()

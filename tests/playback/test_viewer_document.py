@@ -15,7 +15,7 @@ from packed_arrays import unpacked
 import rr1plan as rp
 from rr1plan import Panel, pack_array, save_html
 from rr1plan.playback.viewer import view_document
-from rr1plan.playback.viewer.html_page import json_for_html, page_html
+from rr1plan.playback.viewer.html_page import growing_lengths, json_for_html, page_html
 from rr1plan.playback.viewer.page_kinematics import affine_value
 from rr1plan.report import Margin
 
@@ -159,6 +159,15 @@ def test_mimic_joints_follow_the_planning_joints(rr1: rp.Robot) -> None:
             column, factor, offset = affine_value(rr1, joint)
             sent = offset + (0.0 if column < 0 else factor * q[column])
             assert sent == pytest.approx(values[joint.name], abs=1e-12)
+
+
+def test_lengths_of_style_sheets_grow_except_where_they_cannot() -> None:
+    style = "a { width: 12.5px; margin: -3px calc(1em - .5px); } @container (max-width: 600px) { b { } }"
+    grown = "a { width: 1.25rem; margin: -0.3rem calc(1em - 0.05rem); } @container (max-width: 60rem) { b { } }"
+    assert growing_lengths(style) == grown
+    others = ("@media (max-width: 600px) { }", 'a { content: "12px"; }', "#n5px { }", "a { background: url(5px.png); }")
+    for style in others:
+        assert growing_lengths(style) == style
 
 
 @settings(deadline=None, max_examples=60)

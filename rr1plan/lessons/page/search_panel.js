@@ -252,7 +252,7 @@ class Search {
 
   /** Length of the best path over the edges checked, for every planner with its default options and for this search. */
   drawRace() {
-    const canvas = part(".race"), ratio = fineness(), wide = canvas.clientWidth, high = canvas.clientHeight;
+    const canvas = part(".race"), large = magnification(), ratio = fineness() * large, wide = canvas.clientWidth / large, high = canvas.clientHeight / large;
     if (!wide) return;
     Object.assign(canvas, { width: wide * ratio, height: high * ratio });
     const pen = canvas.getContext("2d");

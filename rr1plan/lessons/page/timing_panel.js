@@ -263,7 +263,7 @@ class Timing {
   point(x, y) {
     const { left, right } = this.frame || {};
     if (left === undefined || this.mode === "cost") return;
-    let place = x * part(".chart").clientWidth - left;
+    let place = (x * part(".chart").clientWidth) / magnification() - left;
     if (this.frame.again && place > this.frame.again) place -= this.frame.again;  // two plots are side by side
     const share = Math.min(Math.max(place / (right - left), 0), 1);
     if (!this.plane || this.mode !== "plane") { this.at(share); return; }
@@ -310,7 +310,7 @@ class Timing {
   // ---- the chart --------------------------------------------------------------------------------------
 
   drawChart() {
-    const canvas = part(".chart"), ratio = fineness(), wide = canvas.clientWidth, high = canvas.clientHeight;
+    const canvas = part(".chart"), large = magnification(), ratio = fineness() * large, wide = canvas.clientWidth / large, high = canvas.clientHeight / large;
     if (!wide || !this.motion) return;
     Object.assign(canvas, { width: wide * ratio, height: high * ratio });
     const pen = canvas.getContext("2d");

@@ -66,7 +66,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
     slots = {
         "TITLE": html.escape(document["title"]),
         "POLICY": html.escape(_policy(scripts, live, plans)),
-        "STYLE": "".join(map(page_asset, _STYLES)) + "".join(_sealed(p.css, "style") for p in panels),
+        "STYLE": growing_lengths("".join(map(page_asset, _STYLES)) + "".join(_sealed(p.css, "style") for p in panels)),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
@@ -109,6 +109,21 @@ def json_for_html(value: object) -> str:
     except (TypeError, ValueError) as error:
         raise InputError(f"the page cannot hold this data: {error}") from error
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def growing_lengths(style: str) -> str:
+    """A style sheet whose lengths in px grow with the window, as tenths of the unit rem (see `page.css`).
+
+    Strings, addresses and media queries, in which rem has another meaning, stay the same.
+    """
+    kept = r"""/\*.*?\*/|"[^"]*"|'[^']*'|url\([^)]*\)|@media[^{]*"""
+    length = r"(?<![\w.#-])(-?)(\d*\.?\d+)px\b"
+    return re.sub(
+        f"{kept}|{length}",
+        lambda m: m[0] if m[2] is None else f"{m[1]}{float(m[2]) / 10:.6g}rem",
+        style,
+        flags=re.DOTALL,
+    )
 
 
 def check_size(size: Any) -> tuple[int, int]:
@@ -164,7 +179,7 @@ def _sealed(text: str, element: str) -> str:
 
 def _panel_html(panel: Panel) -> str:
     head = f"<h2>{html.escape(panel.title)}</h2>"
-    width = f"--panel-width:{int(panel.width)}px"
+    width = f"--panel-width:{panel.width / 10:g}rem"
     return f'<section class="panel" id="panel-{panel.name}" style="{width}">{head}{panel.html}</section>'
 
 

@@ -25,11 +25,11 @@ class Panel:
         name: A name unique on the page; letters, digits and "-".
         title: Headline of the panel.
         html: Content of the panel.
-        css: Style rules.
+        css: Style rules, in which lengths in px grow with the window, as all texts of the page.
         script: JavaScript statements, run once with three names in scope: `viewer` (see `page/main.js` for its
             interface), `root` (the panel's element), `data`.
         data: Anything that JSON can represent; arrays by `pack_array`.
-        width: Width of the column of panels [px].
+        width: Width of the column of panels [px], in a small window.
 
     Raises:
         InputError: a name with other characters.

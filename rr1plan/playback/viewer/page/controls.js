@@ -34,6 +34,9 @@ const css = (rgb) => `rgb(${rgb.map((v) => Math.round(255 * v)).join(",")})`;
 /** Pixels of the screen for each CSS pixel, which change with the browser's zoom and from one monitor to another. */
 const fineness = () => Math.min(window.devicePixelRatio || 1, 2);
 
+/** Pixels of the window for each px of the style sheets, which grow with the window. */
+const magnification = () => parseFloat(getComputedStyle(document.documentElement).fontSize) / 10;
+
 /** Calls f when the size of a node on the screen changes, in CSS pixels or in pixels of the screen. */
 function onResize(node, f) {
   new ResizeObserver(() => f()).observe(node);
@@ -214,7 +217,7 @@ class Controls {
       badge.setAttribute("aria-expanded", String(!box.hidden));
     };
     // Not if it would cover the arms.
-    const beside = find("stage").clientWidth - WIDEST_REPORT - find("side").offsetWidth;
+    const beside = (find("stage").clientWidth - find("side").offsetWidth) / magnification() - WIDEST_REPORT;
     if (rank === "bad" && beside > LEAST_BESIDE) badge.onclick();
     const rows = [];
     for (const violation of report.violations) {

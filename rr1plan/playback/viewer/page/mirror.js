@@ -34,9 +34,9 @@ if (rows.length) {
 } else for (const node of [canvas, part("h3")]) node.hidden = true;
 
 function drawUses() {
-  const width = canvas.clientWidth, height = canvas.clientHeight;
+  const large = magnification(), width = canvas.clientWidth / large, height = canvas.clientHeight / large;
   if (!width) return;
-  const scale = fineness(), left = 42, top = 6, bottom = height - 16;
+  const scale = fineness() * large, left = 42, top = 6, bottom = height - 16;
   canvas.width = Math.round(width * scale);
   canvas.height = Math.round(height * scale);
   pen.setTransform(scale, 0, 0, scale, 0, 0);

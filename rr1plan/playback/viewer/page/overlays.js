@@ -104,7 +104,7 @@ class Overlays {
     if (label.hidden === shown) label.hidden = !shown;
     if (!shown) return;
     const [x, y, z] = least.middle, p = cameraPoint(x, y, z).project(camera);
-    label.style.transform = `translate(${((p.x + 1) / 2) * pane.clientWidth}px, ${((1 - p.y) / 2) * pane.clientHeight}px) translate(${p.x > 0.2 ? "calc(-100% - 10px)" : "10px"}, -50%)`;
+    label.style.transform = `translate(${((p.x + 1) / 2) * pane.clientWidth}px, ${((1 - p.y) / 2) * pane.clientHeight}px) translate(${p.x > 0.2 ? "calc(-100% - 1rem)" : "1rem"}, -50%)`;
     if (label.textContent !== least.words) label.textContent = least.words;
   }
 }

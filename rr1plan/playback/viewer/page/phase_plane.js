@@ -59,9 +59,9 @@ function derivativesAt(track, t) {
 
 /** Draws a phase plane into a canvas, or the reason why there is none; at: the current time of the motion, or null. */
 function drawPhasePlane(canvas, plane, at, why) {
-  const ratio = fineness(), pen = canvas.getContext("2d");
-  const width = (canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio)));
-  const height = (canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio)));
+  const ratio = fineness() * magnification(), pen = canvas.getContext("2d");
+  const width = (canvas.width = Math.max(1, Math.round(canvas.clientWidth * fineness())));
+  const height = (canvas.height = Math.max(1, Math.round(canvas.clientHeight * fineness())));
   const left = 34 * ratio, below = 20 * ratio, top = 10 * ratio, right = 10 * ratio, font = getComputedStyle(root).fontFamily;
   if (!plane) {
     pen.fillStyle = SOFT;

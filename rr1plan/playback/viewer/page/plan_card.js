@@ -48,7 +48,7 @@ class PlanCard {
   /** Elements that float above the time line stay above the card. */
   makeRoom() {
     const { isOpen } = this.editing;
-    document.body.style.setProperty("--above", isOpen ? `${find("editing").offsetHeight + 10}px` : "0px");
+    document.body.style.setProperty("--above", isOpen ? `${find("editing").offsetHeight + 10 * magnification()}px` : "0px");
   }
 
   /** Shows the result of an action, as good, open or bad. */

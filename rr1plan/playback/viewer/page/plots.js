@@ -100,7 +100,7 @@ class Plots {
   firstChoice() {
     const wanted = [...this.viewer.conflicts.all.map(({ kind }) => KINDS[kind]), "velocity", "clearance", ...this.offered];
     const known = [...new Set(wanted)].filter((key) => this.offered.includes(key));
-    return known.slice(0, find("stage").clientWidth >= WIDE ? 2 : 1);
+    return known.slice(0, find("stage").clientWidth >= WIDE * magnification() ? 2 : 1);
   }
 
   /** The chips, a chart for each chosen quantity, and the legend. */
@@ -155,7 +155,7 @@ class Plots {
 
   /** Makes room for the card, and draws its charts at its width. */
   fit() {
-    const height = this.root.offsetHeight ? this.root.offsetHeight + 10 : 0;
+    const height = this.root.offsetHeight ? this.root.offsetHeight + 10 * magnification() : 0;
     if (this.open) for (const chart of this.charts) chart.fit();
     if (height === this.height) return;
     this.height = height;
@@ -180,7 +180,7 @@ function badge(text, color) {
 function dashes(kind) {
   const canvas = element("canvas"), pen = canvas.getContext("2d");
   Object.assign(canvas, { width: 52, height: 8 });
-  canvas.style.width = "26px";
+  canvas.style.width = "2.6rem";
   Object.assign(pen, { strokeStyle: INK, lineWidth: 3.5 });
   pen.setLineDash(DASHES[kind].map((v) => 2 * v));
   pen.moveTo(0, 4);
@@ -250,18 +250,19 @@ class Chart {
 
   /** Draws again at another size. Chromium prints nothing of a canvas that is drawn while it makes the sheet. */
   fit() {
-    const { area, back } = this, fine = fineness(), isDrawn = Boolean(this.box) && back.width === Math.round(area.clientWidth * fine);
-    if (!isDrawn || back.height !== Math.round(area.clientHeight * fine)) this.draw();
+    const { area, back } = this, ratio = fineness(), isDrawn = Boolean(this.box) && back.width === Math.round(area.clientWidth * ratio);
+    if (!isDrawn || back.height !== Math.round(area.clientHeight * ratio)) this.draw();
   }
 
   draw() {
-    const width = this.area.clientWidth, height = this.area.clientHeight, fine = fineness();
-    if (!width || !height) return;
+    const { clientWidth, clientHeight } = this.area, ratio = fineness(), large = magnification();
+    if (!clientWidth || !clientHeight) return;
     for (const canvas of [this.back, this.front]) {
-      canvas.width = Math.round(width * fine);
-      canvas.height = Math.round(height * fine);
+      canvas.width = Math.round(clientWidth * ratio);
+      canvas.height = Math.round(clientHeight * ratio);
     }
-    Object.assign(this, { fine, box: { left: EDGES.left, right: width - EDGES.right, top: EDGES.top, bottom: height - EDGES.bottom } });
+    const width = clientWidth / large, height = clientHeight / large;
+    Object.assign(this, { large, fine: ratio * large, box: { left: EDGES.left, right: width - EDGES.right, top: EDGES.top, bottom: height - EDGES.bottom } });
     const { player } = this.viewer;
     this.span = [player.start, Math.max(player.end, player.start + 1e-9)];
     const lines = this.curves.map((curve) => ({ curve, ...curve.points(width) }));
@@ -476,8 +477,9 @@ class Chart {
   listen() {
     const { viewer, area } = this;
     const place = (event) => {
-      const box = area.getBoundingClientRect(), share = (event.clientX - box.left - this.box.left) / (this.box.right - this.box.left);
-      return { time: this.span[0] + Math.min(Math.max(share, 0), 1) * (this.span[1] - this.span[0]), x: event.clientX - box.left, y: event.clientY - box.top };
+      const { left, top } = area.getBoundingClientRect(), x = (event.clientX - left) / this.large, y = (event.clientY - top) / this.large;
+      const share = (x - this.box.left) / (this.box.right - this.box.left);
+      return { time: this.span[0] + Math.min(Math.max(share, 0), 1) * (this.span[1] - this.span[0]), x, y };
     };
     const conflictAt = ({ x, y }) => {
       const near = viewer.conflicts.all.filter((c) => Math.abs(this.x(c.time) - x) < 8 && (y < this.box.top + 6 || this.concerns(c)));

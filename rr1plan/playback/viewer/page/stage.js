@@ -252,7 +252,7 @@ class Stage {
 
   /** Parts of a tile not covered by cards, from -1 to 1 each way: next to each card, or above or below it, or all if these are too narrow. */
   rooms(tile) {
-    const pane = this.pane.getBoundingClientRect(), gap = 14, label = this.count > 1 ? 34 : 0; // [px] margin; height of a name
+    const pane = this.pane.getBoundingClientRect(), large = magnification(), gap = 14 * large, label = this.count > 1 ? 34 * large : 0; // [px] margin; height of a name
     const left = pane.left + tile.left, top = pane.top + tile.top, right = left + tile.width, bottom = top + tile.height;
     const covered = (node) => {
       const box = node.getBoundingClientRect(), card = getComputedStyle(node).boxShadow !== "none";

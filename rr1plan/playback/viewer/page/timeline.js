@@ -8,7 +8,7 @@ const FEW_ROWS = 5;
 const STILL = 1e-9; // [rad or m] the least displacement in a piece that counts as motion
 let line = data; // drawn content: the data of the panel, or the rows of a motion planned in the page
 document.body.classList.toggle("few-rows", data.arms.length <= FEW_ROWS && document.querySelectorAll("#panels > .panel").length === 1);
-let left = 0, right = 0, rowHeight = 0, below = 0;
+let large = 1, left = 0, right = 0, rowHeight = 0, below = 0; // drawn in px of the style sheets, of which each is `large` px
 
 const x = (time) => left + ((time - line.start) / (line.makespan || 1)) * (right - left);
 const y = (row) => (row + 0.5) * rowHeight;
@@ -20,15 +20,16 @@ function gridStep() {
 }
 
 function draw() {
-  const width = chart.clientWidth, rows = line.arms.length;
+  large = magnification();
+  const width = chart.clientWidth / large, rows = line.arms.length;
   if (!width) return;
-  rowHeight = Math.min(26, Math.max(4, (Math.max(320, window.innerHeight - 220) - AXIS) / rows));
+  rowHeight = Math.min(26, Math.max(4, (Math.max(320, window.innerHeight / large - 220) - AXIS) / rows));
   below = rows * rowHeight;
-  const scale = fineness();
+  const scale = fineness() * large;
   canvas.width = Math.round(width * scale);
   canvas.height = Math.round((below + AXIS) * scale);
-  canvas.style.height = `${below + AXIS}px`;
-  now.style.height = `${below}px`;
+  canvas.style.height = `${large * (below + AXIS)}px`;
+  now.style.height = `${large * below}px`;
   pen.setTransform(scale, 0, 0, scale, 0, 0);
   pen.font = "12px Inter, 'Segoe UI', 'DejaVu Sans', sans-serif";
   const named = rowHeight >= 13;
@@ -144,7 +145,7 @@ function rowsPlannedHere(track) {
 
 /** Moves the time cursor to the current time of the motion. */
 function follow() {
-  now.style.left = `${x(Math.min(Math.max(viewer.time, line.start), line.start + line.makespan))}px`;
+  now.style.left = `${large * x(Math.min(Math.max(viewer.time, line.start), line.start + line.makespan))}px`;
 }
 
 /** A description of the chart at a point. */
@@ -159,8 +160,8 @@ function words(row, time) {
 
 function pointed(event) {
   const box = canvas.getBoundingClientRect();
-  const share = (event.clientX - box.left - left) / (right - left);
-  return { time: line.start + Math.min(Math.max(share, 0), 1) * line.makespan, row: Math.floor((event.clientY - box.top) / rowHeight) };
+  const share = ((event.clientX - box.left) / large - left) / (right - left);
+  return { time: line.start + Math.min(Math.max(share, 0), 1) * line.makespan, row: Math.floor((event.clientY - box.top) / large / rowHeight) };
 }
 
 /** The conflicts that do not involve an obstacle that has moved since. */
