@@ -551,3 +551,19 @@ def test_names_of_axes_stand_between_their_marks(kinds: str, tab: Any, tmp_path:
             assert text == name or right < box[0] or box[2] < left or bottom < box[1] or box[3] < top, (name, text)
     assert tab.page.is_visible(".readout .links") == (kinds == "RP")  # a gantry has no lengths
     assert tab.complaints == []
+
+
+def test_of_names_that_overlap_the_first_one_is_shown(tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.Scene(name="crowded").with_arm("arm", rp.planar_arm("RR"))
+    for name, place in {"one": [1.2, 0.0, 0.0], "two": [1.2, 0.08, 0.0], "three": [-1.2, 0.0, 0.0]}.items():
+        scene = scene.with_obstacle(name, rp.Sphere(0.05), place)
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.open(rp.cspace(scene, resolution=CELLS).save_html(tmp_path / "crowded.html"), READY)
+    names = "[...RR1.lesson.arm.tags].filter(([, { tag }]) => tag.visible).map(([name]) => name)"
+    tab.next_frames()
+    assert tab.ask(names) == ["one", "three"]
+    # Seen along the line through them, all overlap.
+    tab.ask("RR1.look([-1, 0, 0.05])")
+    tab.next_frames()
+    assert tab.ask(names) == ["one"]
+    assert tab.complaints == []

@@ -7,6 +7,7 @@ class Workspace {
     const { stage } = viewer;
     this.turned = false;
     this.usual = stage.key.intensity;
+    viewer.on("draw", () => this.separateNames());
   }
 
   /** Reads the link lengths, and makes a view without cards, lit so that obstacles have the colors of their images. */
@@ -126,6 +127,19 @@ class Workspace {
     tag.position.set(...place);
     tag.renderOrder = 12;
     return tag;
+  }
+
+  /** Hides each name that would overlap one before it. */
+  separateNames() {
+    const { camera } = viewer.stage;
+    camera.updateMatrixWorld();
+    const [perWidth, , , , , perHeight] = camera.projectionMatrix.elements, shown = [];
+    for (const { tag } of this.tags ? this.tags.values() : []) {
+      const at = tag.getWorldPosition(new viewer.THREE.Vector3()).applyMatrix4(camera.matrixWorldInverse), depth = -at.z;
+      const { x, y } = at.applyMatrix4(camera.projectionMatrix), wide = (tag.scale.x * perWidth) / depth, tall = (tag.scale.y * perHeight) / depth;
+      tag.visible = !shown.some((other) => 2 * Math.abs(other.x - x) < other.wide + wide && 2 * Math.abs(other.y - y) < other.tall + tall);
+      if (tag.visible) shown.push({ x, y, wide, tall });
+    }
   }
 
   follow(q) {

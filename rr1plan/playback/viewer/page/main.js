@@ -10,6 +10,7 @@
 //   viewer.on("load", f)                          f(document) after a document was loaded
 //   viewer.on("data", f)                          f(names) when the program has put other data into the `data` of these panels
 //   viewer.on("obstacle", f)                      f(name) after the user moved an obstacle
+//   viewer.on("draw", f)                          f() before the picture is drawn again
 //   viewer.moved                                  names of the obstacles that have moved since the motion was made
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column-major
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
@@ -34,7 +35,7 @@ class Viewer {
     this.THREE = THREE;
     this.keys = new Keys();
     this.unpack = unpack;
-    this.listeners = { change: [], load: [], data: [], planner: [], obstacle: [] };
+    this.listeners = { change: [], load: [], data: [], planner: [], obstacle: [], draw: [] };
     this.panelData = {};
     this.films = [];
     this.added = new Map();
@@ -42,6 +43,7 @@ class Viewer {
     this.byArm = true;
     this.stage = makeStage(find("pane"));
     this.stage.onResize = () => this.frame();
+    this.stage.onDraw = () => { for (const f of this.listeners.draw) f(); };
     this.meshcat = this.stage.meshcat;
     this.editing = new Editing(this);
     this.controls = new Controls(this);

@@ -316,6 +316,7 @@ class Stage {
   draw() {
     this.controls.update();
     if (!this.meshcat.needs_render) return;
+    if (this.onDraw) this.onDraw();
     if (this.count === 1) this.meshcat.render(); else this.drawTiles();
   }
 
