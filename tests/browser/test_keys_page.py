@@ -82,3 +82,9 @@ def test_a_question_mark_lists_what_keys_do_now(calm: Any) -> None:
     assert dialog.is_visible()
     calm.page.click("#help [data-help]")
     assert dialog.is_hidden()
+
+
+def test_keys_that_presenters_send_to_blank_the_screen_change_nothing(calm: Any) -> None:
+    for key in ("b", "."):
+        row = calm.ask("key => (RR1.keys.rowOf(key, null) || { title: null }).title", key)
+        assert row in (None, "Motion"), key  # a period steps a motion

@@ -673,3 +673,22 @@ def test_paper_shows_the_page_as_the_window_does(tab: Any, page_file: FilePath) 
     assert count > 500
     assert (during, after) == (1, 0)
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize(
+    ("size", "place", "unit"), [(100.0, "25.000 m", "m"), (0.05, "12.5 mm", "mm"), (0.005, "1.25 mm", "mm")]
+)
+def test_lengths_have_a_unit_and_digits_for_their_size(
+    tab: Any, tmp_path: FilePath, size: float, place: str, unit: str
+) -> None:
+    arm = rp.planar_arm("PR", (size, 0.25 * size), width=0.03 * size, limits=[[0.0, size], None])
+    scene = rp.Scene().with_arm("arm", arm).with_obstacle("crate", rp.Box([0.05 * size] * 3), [0, 0.6 * size, 0])
+    motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [[0.25 * size, 0.0], [0.75 * size, 0.1]])
+    tab.open(rp.save_html(tmp_path / "page.html", scene, trajectory=motion, options=rp.ViewOptions(play=False)))
+    assert tab.ask("document.querySelector('.joint output').textContent") == place
+    curves = "key => RR1.plots.source.curves(RR1.plots.arm, key).map((curve) => [curve.unit, curve.at(0)])"
+    scale = {"m": 1, "mm": 1000}[unit]
+    assert tab.ask(curves, "position")[0] == [unit, pytest.approx(0.25 * scale * size)]
+    assert tab.ask(curves, "clearance")[0][0] == unit
+    assert 0.2 * scale * size < tab.ask(curves, "clearance")[0][1] < 0.8 * scale * size
+    assert tab.complaints == []

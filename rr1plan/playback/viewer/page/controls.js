@@ -334,7 +334,7 @@ class Controls {
       };
       line.append(label, out, slider);
       row.fold.append(line);
-      return { slider, out, column, straight, turns };
+      return { slider, out, column, turns };
     });
   }
 
@@ -389,11 +389,11 @@ class Controls {
     const { q } = this.viewer;
     for (const { fold, joints } of this.rows) {
       if (!fold.open || !joints) continue;
-      for (const { slider, out, column, straight, turns } of joints) {
+      for (const { slider, out, column, turns } of joints) {
         // Not during a drag: a simulated joint follows later.
         if (!slider.matches(":active")) slider.value = turns ? q[column] - TURN * Math.round(q[column] / TURN) : q[column];
         fillPart(slider);
-        showValue(slider, out, straight ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`);
+        showValue(slider, out, this.viewer.jointText(column, q[column]));
       }
     }
   }
@@ -405,8 +405,12 @@ class Controls {
 }
 
 const TURN = 2 * Math.PI;
-/** A value with one decimal, never "-0.0": the sum of -0 and 0 is 0. */
-const tenths = (value) => (Math.round(10 * value) / 10 + 0).toFixed(1);
+const DEGREES = 180 / Math.PI;
+/** A value with some decimals, never "-0.0": the sum of -0 and 0 is 0. */
+const decimals = (value, digits) => (Math.round(10 ** digits * value) / 10 ** digits + 0).toFixed(digits);
+const tenths = (value) => decimals(value, 1);
+/** The unit of lengths up to a given one [m], and its scale. */
+const lengthUnit = (largest) => (largest < 10 ? { unit: "mm", scale: 1000 } : { unit: "m", scale: 1 });
 /** A coordinate [m] with digits down to less than a thousandth of a given size [m], and never "-0.000". */
 const placed = (meters, span) => {
   const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), 3), 9));

@@ -230,7 +230,7 @@ class Lesson {
   fillSliders() {
     const add = (box, k, low, high, { name, straight }, mark, move) => {
       const row = make("div"), label = make("label"), slider = make("input"), out = make("output");
-      Object.assign(slider, { type: "range", min: low, max: high, step: straight ? 0.001 : Math.PI / 360, id: `cspace-${k}` });
+      Object.assign(slider, { type: "range", min: low, max: high, step: straight ? 10 ** (Math.ceil(Math.log10(high - low || 1)) - 3) : Math.PI / 360, id: `cspace-${k}` });
       label.htmlFor = slider.id;
       label.append(make("b", mark), ` ${name}`);
       slider.oninput = () => move(Number(slider.value));
@@ -376,7 +376,7 @@ class Lesson {
       // As on the page of any other arm.
       { keys: ["j"], text: "Select the next obstacle", when: live, act: () => edits.selectNext() },
       { keys: ["a"], text: "The start is where the arm is", when: live, act: () => edits.endHere("start") },
-      { keys: ["b"], text: "The goal is where the arm is", when: live, act: () => edits.endHere(0) },
+      { keys: ["z"], text: "The goal is where the arm is", when: live, act: () => edits.endHere(0) },
       { keys: ["p"], text: "Plan and play, or cancel planning", when: () => live() || (edits.isLoading && Boolean(this.workspace)), act: () => edits.requestPlan() },
       { keys: ["o"], text: "Everything as it was at first", when: () => !tools.reset.hidden, act: () => edits.reset() },
       { keys: ["Ctrl+z"], text: "Undo", when: () => live() && edits.past.length > 0, act: () => edits.undo() },
@@ -442,10 +442,10 @@ class Lesson {
     });
     if (this.isSlice) {
       this.otherSliders.forEach(({ slider, out }, k) => {
-        const { column, straight } = data.others[k], v = viewer.q[column];
+        const { column } = data.others[k], v = viewer.q[column];
         slider.value = v;
         slider.style.setProperty("--part", `${(100 * (v - slider.min)) / (slider.max - slider.min)}%`);
-        showValue(slider, out, readingOf(straight, v));
+        showValue(slider, out, readingOf(column, v));
       });
       if (this.otherValues().some((v, k) => v !== this.cutAt[k])) this.recut();
     }

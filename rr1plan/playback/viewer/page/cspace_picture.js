@@ -259,8 +259,10 @@ function drawFrame(pen, plot, unit) {
   pen.fillStyle = SOFT;
   pen.strokeStyle = INK;
   pen.font = `${11.5 * unit}px ${FONT}`;
-  pen.textAlign = "center";
-  for (const [part, text] of ticks(0)) pen.fillText(text, x + part * size, y + size + 16 * unit);
+  for (const [part, text] of ticks(0)) {
+    pen.textAlign = (1 - part) * size < 12 * unit ? "right" : "center";
+    pen.fillText(text, x + part * size + (pen.textAlign === "right" ? 7 * unit : 0), y + size + 16 * unit);
+  }
   pen.textAlign = "right";
   pen.textBaseline = "middle";
   for (const [part, text] of ticks(1)) pen.fillText(text, x - 8 * unit, y + (1 - part) * size);
@@ -303,5 +305,5 @@ function arrows(pen, x, y, dx, dy, count, unit) {
 }
 
 const symbol = (axis) => data.joints[axis].symbol || `${data.joints[axis].straight ? "d" : "θ"}${"₁₂"[axis]}`;
-const readingOf = (straight, v) => (straight ? `${tenths(1000 * v)} mm` : `${tenths((180 / Math.PI) * v)}°`.replace("-", "−"));
-const reading = (axis, v) => readingOf(data.joints[axis].straight, v);
+const readingOf = (column, v) => viewer.jointText(column, v).replace("-", "−");
+const reading = (axis, v) => readingOf(data.columns[axis], v);

@@ -251,15 +251,10 @@ class Dragging {
     tip.hidden = !thing || !event;
     if (tip.hidden) return;
     const text = this.describe(thing), { stage } = this.viewer, box = stage.pane.getBoundingClientRect();
-    const about = { joint: () => this.jointText(thing.column), tool: () => "", obstacle: () => this.placeText(thing.name) }[thing.kind]();
+    const about = { joint: () => this.viewer.jointText(thing.column, this.viewer.q[thing.column]), tool: () => "", obstacle: () => this.placeText(thing.name) }[thing.kind]();
     tip.textContent = about && this.gesture ? `${text}  ${about}` : text;
     const x = event.clientX - box.left, y = event.clientY - box.top;
     tip.style.transform = `translate(${Math.round(Math.min(x + 16, box.width - tip.offsetWidth - 6))}px, ${Math.round(Math.max(y - 34, 4))}px)`;
-  }
-
-  jointText(column) {
-    const { kinematics, q } = this.viewer, arm = kinematics.arms.find((a) => column >= a.firstColumn && column < a.firstColumn + a.robot.names.length);
-    return arm.robot.kinds[column - arm.firstColumn] === "prismatic" ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`;
   }
 
   placeText(name) {

@@ -342,7 +342,7 @@ class Editing {
       return judged.tone === "open" && reach ? { ...judged, title: "Reachable" } : judged;
     }
     const { robot } = viewer.kinematics.arms[reach.arm], limits = reach.atLimit.map((c) => robot.names[c]);
-    const short = reach.off >= off ? `${length(reach.off)} short` : `${tenths((180 / Math.PI) * reach.turned)}° short`;
+    const short = reach.off >= off ? `${length(reach.off)} short` : `${tenths(DEGREES * reach.turned)}° short`;
     return { ...judged, tone: "open", title: "Out of reach", text: [short, limits.length ? `${namesOf(limits, 2, ", ")} at ${limits.length > 1 ? "their limits" : "its limit"}` : ""].filter(Boolean).join(", ") };
   }
 
@@ -388,7 +388,7 @@ class Editing {
       card.say("Planning starts when the planner is loaded.");
       return (await go) ? this.plan() : null;
     }
-    const missing = !planner && !this.isLoading ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (B)."
+    const missing = !planner && !this.isLoading ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (Z)."
       : this.unchecked(start) || this.unchecked(goal);
     if (missing) { card.say(missing, "open"); return null; }
     const again = asked && asked.start === start && asked.goal === goal && asked.poses === poses;

@@ -11,7 +11,7 @@ class Jogging {
       { keys: ["m"], text: "Move by hand and plan", when: active, act: () => editing.toggle() },
       { keys: ["j"], text: "Select the next tool, joint or obstacle; with Shift the one before", when: active, act: (event) => this.next(event.shiftKey ? -1 : 1) },
       { keys: ["a"], text: "The start is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("start"); } },
-      { keys: ["b"], text: "The goal is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("goal"); } },
+      { keys: ["z"], text: "The goal is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("goal"); } },
       { keys: ["p"], text: "Plan and play, or cancel planning", when: active, act: () => editing.requestPlan() },
       { keys: ["o"], text: "Everything as it was at first", when: () => active() && editing.changed, act: () => editing.reset() },
       { keys: ["Ctrl+z"], text: "Undo; with Shift redo", when: changed, act: (event) => (event.shiftKey ? editing.redo() : editing.undo()) },

@@ -2,6 +2,7 @@
 //
 //   viewer.q  viewer.joints  viewer.limits       the configuration shown, its columns ("arm/joint"), [low, high]
 //   viewer.slides                                whether each column is a prismatic joint, in meters
+//   viewer.jointText(column, v)                  a joint's value with its unit: an angle, or a length with digits for its range
 //   viewer.setQ(q)  viewer.setJoint(column, v)    show a configuration; the clock stops
 //   viewer.time  viewer.duration  viewer.playing  the clock [s]
 //   viewer.play()  .pause()  .toggle()  .seek(t)  .setSpeed(s)  .setLoop(on)
@@ -213,6 +214,12 @@ class Viewer {
     const q = this.q.slice();
     q[column] = value;
     this.setQ(q);
+  }
+
+  jointText(column, value) {
+    if (!this.slides[column]) return `${tenths(DEGREES * value)}°`;
+    const [low, high] = this.limits[column], range = high - low || 1, { unit, scale } = lengthUnit(range);
+    return `${decimals(scale * value, Math.max(unit === "m" ? 3 : 1, -1 - Math.floor(Math.log10(range))))} ${unit}`;
   }
 
   at(t) {

@@ -5,9 +5,7 @@ const verdict = part(".verdict"), facts = part(".facts"), canvas = part(".use"),
 const pen = canvas.getContext("2d"), LASTS = 20, uses = [];
 const inSeconds = (t) => `${t.toFixed(2)} s`;
 const slides = data.joints.map((name) => viewer.slides[viewer.joints.indexOf(name)]);
-// Without the sign of zero.
-const hundredths = (v) => v.toFixed(2).replace(/^-(0\.00)$/, "$1");
-const deviation = (v, i) => (slides[i] ? `${hundredths(1000 * v)} mm` : `${hundredths((180 / Math.PI) * v)}°`);
+const deviation = (v, i) => (slides[i] ? `${decimals(1000 * v, 2)} mm` : `${decimals(DEGREES * v, 2)}°`);
 const oneArm = new Set(data.joints.map((name) => name.split("/")[0])).size === 1;
 
 const rows = data.joints.map((name) => {

@@ -8,7 +8,7 @@ class PlanCard {
     find("edit").onclick = find("shut").onclick = () => editing.toggle();
     const acts = [
       ["start", "Start here", "A", "The arm as shown becomes the start", () => editing.setEnd("start")],
-      ["goal", "Goal here", "B", "The arm as shown becomes the goal", () => editing.setEnd("goal")],
+      ["goal", "Goal here", "Z", "The arm as shown becomes the goal", () => editing.setEnd("goal")],
       ["plan", "Plan", "P", "Plan a certified motion from the start to the goal, and play it", () => editing.requestPlan()],
       ["drop", "Plan on drop", "", "Plan whenever an obstacle is let go", () => { editing.planOnDrop = !editing.planOnDrop; this.refreshActs(); }],
       ["undo", "Undo", "", "Undo (Ctrl+Z)", () => editing.undo()],
@@ -99,7 +99,7 @@ class PlanCard {
     const { viewer, editing } = this, arm = viewer.kinematics.arms[editing.arm], solver = editing.solver(editing.arm);
     const T = solver.toolPose(viewer.q), rows = [];
     rows.push([viewer.kinematics.arms.length > 1 ? `Tool of ${arm.name}` : "Tool", ["x", "y", "z"].map((axis, k) => [axis, placed(T[12 + k], viewer.world.span)]), "m"]);
-    rows.push(["", rollPitchYaw(T).map((angle, k) => [["roll", "pitch", "yaw"][k], `${tenths((180 / Math.PI) * angle)}°`]), ""]);
+    rows.push(["", rollPitchYaw(T).map((angle, k) => [["roll", "pitch", "yaw"][k], `${tenths(DEGREES * angle)}°`]), ""]);
     rows.push(["", [["manipulability", digits(solver.manipulability(viewer.q))]], ""]);
     const nodes = rows.flatMap(([label, values, unit]) => {
       const value = element("dd");

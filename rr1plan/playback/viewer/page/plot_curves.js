@@ -1,6 +1,5 @@
 // Curves over time for one arm: exact derivatives of the polynomials of its motion, and values sampled in Python.
 
-const DEGREES = 180 / Math.PI;
 /** The quantities that can be plotted; order: the derivative of the position; samples: a name in the document's samples. */
 const QUANTITIES = {
   clearance: { label: "Clearance", samples: "clearance" },
@@ -99,6 +98,7 @@ class PlotSource {
     const { document: doc, player, others } = viewer;
     this.onMeasured = onMeasured;
     this.kinematics = viewer.kinematics;
+    this.lengths = lengthUnit(viewer.world.span); // one unit for all curves of a quantity
     this.planner = viewer.planner;
     this.moved = viewer.moved.length > 0;
     this.measured = new Map(); // clearances that the page measures, by track: see `meter`
@@ -136,11 +136,11 @@ class PlotSource {
     // A motion sent as samples has no derivatives.
     if (!track || (order > 0 && !exact) || (kind === "replay" && this.motions.length === 1 && order > 0)) return [];
     return arm.robot.names.flatMap((name, i) => {
-      const slot = track.columns.indexOf(arm.firstColumn + i), straight = arm.robot.kinds[i] === "prismatic", scale = straight ? 1000 : DEGREES;
+      const slot = track.columns.indexOf(arm.firstColumn + i), straight = arm.robot.kinds[i] === "prismatic", scale = straight ? this.lengths.scale : DEGREES;
       if (slot < 0) return [];
       const limit = order > 0 ? arm.robot.rates[key][i] : null, [low, high] = order > 0 ? [limit === null ? null : -limit, limit] : arm.robot.limits[i];
       const bounds = low === null || high === null ? null : [scale * low, scale * high];
-      return [Object.assign(new PolynomialCurve(track, slot, order, scale, bounds), { name, mark: String(i + 1), color: CURVES[i % CURVES.length], unit: (straight ? "mm" : "°") + unit })];
+      return [Object.assign(new PolynomialCurve(track, slot, order, scale, bounds), { name, mark: String(i + 1), color: CURVES[i % CURVES.length], unit: (straight ? this.lengths.unit : "°") + unit })];
     });
   }
 
@@ -163,8 +163,8 @@ class PlotSource {
     if (k < 0 || this.moved) return this.measuredClearance(arm, motion, k >= 0);
     const { times, values, width } = this.unpack(sent, 2 * sent.arms.length);
     return ["to surroundings", "among own links"].flatMap((name, own) => {
-      const millimeters = Float64Array.from(times, (_, i) => 1000 * values[i * width + 2 * k + own]);
-      return millimeters.some(Number.isFinite) ? [Object.assign(new SampledCurve(times, millimeters, [0, null]), { name, mark: "ES"[own], color: CURVES[7 + own], unit: "mm" })] : [];
+      const distances = Float64Array.from(times, (_, i) => this.lengths.scale * values[i * width + 2 * k + own]);
+      return distances.some(Number.isFinite) ? [Object.assign(new SampledCurve(times, distances, [0, null]), { name, mark: "ES"[own], color: CURVES[7 + own], unit: this.lengths.unit })] : [];
     });
   }
 
@@ -173,7 +173,7 @@ class PlotSource {
    * of many arms it would take seconds. A chart that is there (`hasChart`) stays, without a curve until then.
    */
   measuredClearance(arm, { track, kind }, hasChart) {
-    const { planner, background } = this, curve = (times, values) => [Object.assign(new SampledCurve(times, values, [0, null]), { name: "of all pairs", mark: "C", color: CURVES[7], unit: "mm" })];
+    const { planner, background } = this, curve = (times, values) => [Object.assign(new SampledCurve(times, values, [0, null]), { name: "of all pairs", mark: "C", color: CURVES[7], unit: this.lengths.unit })];
     const isMeasured = planner && background && !(planner instanceof ManyArmsPlanner) && track && kind !== "replay" && planner.columns.includes(arm.firstColumn);
     if (isMeasured && !this.measured.has(track)) this.measure(this.meter(track, hasChart));
     const { times, values, hasChart: stays } = (isMeasured && this.measured.get(track)) || { values: null, hasChart };
@@ -200,7 +200,7 @@ class PlotSource {
       meter.isStale = false;
       const meters = await this.background.run("clearances", [meter.rows]);
       if (!meters) { this.measured.delete(meter.track); return; } // canceled
-      if (!meter.isStale) meter.values = meters.map((value) => 1000 * value);
+      if (!meter.isStale) meter.values = meters.map((value) => this.lengths.scale * value);
     }
     meter.isBusy = false;
     this.onMeasured();
