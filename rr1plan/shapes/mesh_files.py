@@ -1,10 +1,10 @@
 """Triangle meshes from STL, OBJ, PLY, DAE and glTF files.
 
 Binary STL is read here, because importing its loader takes half a second. Other files are read by trimesh from their
-bytes, so nothing but the file itself (and a glTF's buffers beside it) is opened: no material files, no textures,
-nothing remote. A DAE's unit scales it, as COLLADA specifies; its up axis is ignored, as in all readers of robot
-descriptions (many exporters write a wrong one). glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since
-2025); for robots whose files deviate from that see `rr1plan.robot.gltf_axes`.
+bytes, so nothing but the file itself (and a glTF's buffers beside it) is opened: no material files, no separate
+textures, nothing remote. A DAE's unit scales it, as COLLADA specifies; its up axis is ignored, as in all readers of
+robot descriptions (many exporters write a wrong one). glTF's y axis is up and becomes z, as in Drake, Blender and RViz
+(since 2025); for robots whose files deviate from that see `rr1plan.robot.gltf_axes`.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         scale: Factor of each axis, shape (3,); negative ones mirror.
 
     Returns:
-        One part for each color; STL, OBJ and PLY have one part without a color.
+        One part for each color; STL, OBJ and PLY have one part without a color. A texture or colors of vertices count
+        with their mean.
 
     Raises:
         FormatError: an unknown suffix, or a file that cannot be read, is too large, or contains no triangle or a number
@@ -226,13 +227,32 @@ def _regular_obj(data: bytes, file: Path) -> bytes:
 
 
 def _color(mesh: Any) -> Color | None:
-    """The single color of a mesh's material, if it has one."""
+    """The color of a mesh: of its material and mean texture, or the mean of its vertices; None without any."""
+    if getattr(mesh.visual, "kind", None) in ("vertex", "face"):
+        colors = np.asarray(mesh.visual.face_colors)
+        r, g, b, a = (colors.mean(axis=0) / 255.0).tolist()
+        return r, g, b, a
     material = getattr(mesh.visual, "material", None)
     color = getattr(material, "main_color", None)
+    texture = _mean_color(getattr(material, "baseColorTexture", None))
     if color is None or getattr(material, "baseColorFactor", color) is None:  # trimesh's own gray
-        return None
+        return None if texture is None else (*texture, 1.0)
     r, g, b, a = (float(c) / 255.0 for c in color)
+    if texture is not None:
+        r, g, b = (c * t for c, t in zip((r, g, b), texture, strict=True))
     return r, g, b, a
+
+
+def _mean_color(image: Any) -> tuple[float, float, float] | None:
+    """The mean color of a picture; None without one, or if it is damaged."""
+    if image is None:
+        return None
+    try:
+        image.thumbnail((64, 64))
+        r, g, b = (np.asarray(image.convert("RGB")).mean(axis=(0, 1)) / 255.0).tolist()
+    except (OSError, SyntaxError, ValueError):  # what Pillow raises for damaged files
+        return None
+    return r, g, b
 
 
 def _join(file: Path, meshes: list[Any], factors: Any) -> Mesh:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from rr1plan.errors import FormatError
 from rr1plan.robot.mesh_lookup import MeshLookup
@@ -594,3 +595,28 @@ def test_a_robot_with_gltf_meshes_is_loaded(tmp_path: Path, block: Mesh) -> None
     (link,) = read_urdf(tmp_path / "r.urdf").links
     assert link.collisions[0].shape.vertices.max() == pytest.approx(0.2)
     assert link.visuals[0].color == (1.0, 0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_texture_counts_with_its_mean_color(tmp_path: Path, damaged: bool) -> None:
+    picture = Image.new("RGB", (8, 8), (200, 40, 0))
+    picture.paste((100, 80, 0), (0, 0, 8, 4))
+    box = trimesh.creation.box()
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[0.4, 1.0, 1.0, 1.0], baseColorTexture=picture)
+    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
+    data = box.export(file_type="glb")
+    file = tmp_path / "box.glb"
+    file.write_bytes(data.replace(b"IDAT", b"IDAX") if damaged else data)
+    (part,) = read_mesh(file)
+    expected = (0.4, 1.0, 1.0) if damaged else (0.4 * 150 / 255, 60 / 255, 0.0)
+    np.testing.assert_allclose(part.color, (*expected, 1.0), atol=0.004)
+
+
+def test_colors_of_vertices_count_with_their_mean(tmp_path: Path) -> None:
+    balls = trimesh.Scene()
+    for k, color in enumerate(([255, 0, 0, 255], [0, 0, 255, 102])):
+        ball = trimesh.creation.icosphere(1, 0.1)
+        ball.visual.vertex_colors = color
+        balls.add_geometry(ball.apply_translation([k, 0, 0]))
+    (tmp_path / "balls.glb").write_bytes(balls.export(file_type="glb"))
+    assert {part.color for part in read_mesh(tmp_path / "balls.glb")} == {(1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.4)}
