@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from matplotlib import axes as mpl_axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from rr1plan.experiments.measuring_process import Row
@@ -15,6 +16,8 @@ from rr1plan.playback.figure_files import drawing, look_of, style_of
 
 _SIZE = (12.0, 4.8)  # [inch]
 _OURS, _SECOND, _THESIS = "#1f6fb2", "#3aa17e", "#d9730d"
+_MARKERS = {_OURS: "o", _SECOND: "s", _THESIS: "^"}  # for readers who do not distinguish the colors
+_GAP = 0.1  # between the panels, as a share of their width
 _LOOK = look_of(dark=False)
 Panel = Callable[[mpl_axes.Axes, Sequence[Row]], None]
 
@@ -24,7 +27,8 @@ def _figure(left: Panel, right: Panel) -> Callable[[Sequence[Row]], Figure]:
 
     def draw(rows: Sequence[Row]) -> Figure:
         with drawing(style_of(_LOOK)):
-            figure = Figure(figsize=_SIZE, layout="constrained", facecolor=_LOOK.paper)
+            layout = ConstrainedLayoutEngine(wspace=_GAP)
+            figure = Figure(figsize=_SIZE, layout=layout, facecolor=_LOOK.paper)
             FigureCanvasAgg(figure)
             for panel, plot in zip((left, right), figure.subplots(1, 2), strict=True):
                 plot.grid(color=_LOOK.faint)
@@ -38,7 +42,7 @@ def _figure(left: Panel, right: Panel) -> Callable[[Sequence[Row]], Figure]:
 
 def _line(plot: mpl_axes.Axes, points: Mapping[float, float], label: str, color: str, *, dashed: bool = False) -> None:
     style = "--" if dashed else "-"
-    plot.plot(list(points), list(points.values()), style, marker="o", color=color, label=label, linewidth=2)
+    plot.plot(list(points), list(points.values()), style, marker=_MARKERS[color], color=color, label=label, linewidth=2)
 
 
 def _values(rows: Sequence[Row], key: str, name: str) -> dict[float, float]:
@@ -54,7 +58,7 @@ def _label(plot: mpl_axes.Axes, x: str, y: str, title: str) -> None:
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)))
             axis.set_minor_formatter(NullFormatter())
         elif axis is plot.xaxis:  # numbers of boats or arms
-            axis.set_major_locator(MaxNLocator(integer=True))
+            axis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
     plot.set(xlabel=x, ylabel=y, title=title)
     if plot.get_legend_handles_labels()[1]:
         plot.legend(frameon=False, fontsize=11)

@@ -150,6 +150,14 @@ def test_figures_count_boats_in_whole_numbers_and_show_the_largest_value_whole()
         np.testing.assert_array_equal(plot.get_xticks() % 1.0, 0.0)
 
 
+def test_panels_of_figures_stand_apart() -> None:
+    rows = [{"boats": n, "step_us": 20.0, "memory_mb": 1e3, "triangles": 250_000} for n in (0, 500)]
+    figure = FIGURES["static"](rows)
+    figure.draw_without_rendering()
+    left, right = (plot.get_tightbbox() for plot in figure.axes)
+    assert right.x0 - left.x1 > 0.03 * figure.bbox.width
+
+
 def test_the_command_line_measures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["experiment", "multi", "--out", str(tmp_path), "--quick", "--arms", "1", "--json"]
     assert run(arguments) == OK
