@@ -38,6 +38,7 @@ class Look(NamedTuple):
         faint: Rows and grids.
         blocked: Blocked cells of a coordination diagram.
         conflict: Collisions and other conflicts.
+        rim: Edges of bars in colors of arms, some of which are as dark as the dark background.
     """
 
     paper: str
@@ -46,13 +47,14 @@ class Look(NamedTuple):
     faint: str
     blocked: str
     conflict: str
+    rim: str
 
 
 # Names may contain "$", which would otherwise start a formula; and the same figure gives the same bytes.
 PLAIN_TEXT: dict[str, object] = {"text.parse_math": False, "svg.hashsalt": "rr1plan"}
 
-_LIGHT = Look("#ffffff", "#22262b", "#667080", "#e9edf1", "#c9ced6", "#d1003f")
-_DARK = Look("#161b22", "#eef1f4", "#9aa5b3", "#262d37", "#4a5361", "#ff5c86")
+_LIGHT = Look("#ffffff", "#22262b", "#667080", "#e9edf1", "#c9ced6", "#d1003f", "#ffffff")
+_DARK = Look("#161b22", "#eef1f4", "#9aa5b3", "#262d37", "#4a5361", "#ff5c86", "#9aa5b3")
 
 
 def break_lines(text: Text, room: float) -> None:

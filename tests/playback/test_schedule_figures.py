@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
 import rr1plan as rp
@@ -96,6 +97,14 @@ def test_files_are_what_their_names_say_and_repeat(line: rp.Timeline, tmp_path: 
         assert once.startswith(head)
         assert once == twice
     assert arm_color(0) in (tmp_path / "0.svg").read_text()
+
+
+def test_bars_of_dark_arms_are_visible_on_the_dark_background(line: rp.Timeline) -> None:
+    figure = line.figure(dark=True)
+    paper = np.mean(to_rgb(figure.get_facecolor()))
+    bars = [*figure.axes[0].collections]
+    assert len(bars) == 4  # motions and rests of each arm
+    assert all(np.mean(to_rgb(bar.get_edgecolor()[0])) > paper + 0.4 for bar in bars)
 
 
 def diagram() -> rp.CoordinationDiagram:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -71,9 +72,10 @@ def _draw_rows(axes: Axes, line: TimelineRows, look: Look) -> None:
     for row, arm in enumerate(line.arms):
         color = arm_color(line.numbers[arm])
         spans = [(begin, end - begin) for begin, end in line.motions[arm]]
-        axes.broken_barh(spans, (row - _BAR / 2, _BAR), facecolors=color, edgecolors=look.paper, linewidth=0.8)
+        axes.broken_barh(spans, (row - _BAR / 2, _BAR), facecolors=color, edgecolors=look.rim, linewidth=0.8)
         rests = [(w.begin, w.end - w.begin) for w in line.waits if w.arm == arm]
-        axes.broken_barh(rests, (row - _REST / 2, _REST), facecolors=color, alpha=0.45, linewidth=0.0)
+        pale = to_rgba(color, 0.45)
+        axes.broken_barh(rests, (row - _REST / 2, _REST), facecolors=pale, edgecolors=look.rim, linewidth=0.8)
         alone = line.undelayed.get(arm)
         if alone is not None and line.motions[arm]:
             axes.plot(
