@@ -615,6 +615,12 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: 
     assert tab.page.inner_text("#title") == "two"
     assert tab.page.inner_text("#badge") == "Invalid: 1 found"
     assert tab.page.locator("#toggles").is_hidden()
+    # Cards do not cover the note, in the window of the tests and in that of a phone.
+    for width, height in ((360, 740), (960, 640)):
+        tab.page.set_viewport_size({"width": width, "height": height})
+        tab.next_frames()
+        for words in ("#note h2", "#note p:last-child"):
+            tab.page.locator(words).click(trial=True, timeout=2000)
     tab.page.click("#report .violation")
     assert tab.ask("RR1.time") == 1.25
     np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), wander(two_arms)(1.25), atol=1e-6)
