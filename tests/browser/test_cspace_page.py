@@ -341,6 +341,29 @@ def test_a_timed_motion_plays_on_its_own_clock(tab: Any, lesson: rp.CSpace, tmp_
     assert tab.complaints == []
 
 
+def test_the_phase_plane_appears_once_the_planner_is_loaded(tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.Scene(name="PR").with_arm("arm", rp.planar_arm("PR"))
+    motion = rp.retime(rp.Path(scene.joint_names(), [[0.1, 0.5], [0.3, -0.5]]), scene)
+    file = rp.cspace(scene, resolution=40).save_html(tmp_path / "phase.html", trajectory=motion)
+    tab.page.add_init_script("""
+        const usual = CanvasRenderingContext2D.prototype.fillText;
+        window.texts = [];
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+            window.texts.push(text);
+            usual.call(this, text, ...rest);
+        };
+    """)
+    tab.open(file, READY)
+    # As if the button was pressed before.
+    tab.ask("RR1.planner = null, RR1.lesson.tools.phase.click()")
+    assert "No limits of joints: the page has no planner" in tab.ask("texts")
+    tab.ask("RR1.loadPlanner(RR1.document)")
+    wait_until(tab.page, "RR1.planner && RR1.lesson.plane")
+    tab.next_frames()
+    assert any(text.endswith(" m and rad") for text in tab.ask("texts"))
+    assert tab.complaints == []
+
+
 def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
     picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=32)
     tab.open(picture.save_html(tmp_path / "rr1.html"), READY)

@@ -34,6 +34,9 @@ const css = (rgb) => `rgb(${rgb.map((v) => Math.round(255 * v)).join(",")})`;
 /** Pixels of the screen for each CSS pixel, which change with the browser's zoom and from one monitor to another. */
 const fineness = () => Math.min(window.devicePixelRatio || 1, 2);
 
+/** The page's font, for canvases; read once, because each access would make the browser recompute styles. */
+const FONT = getComputedStyle(document.documentElement).fontFamily;
+
 /** Pixels of the window for each px of the style sheets, which grow with the window. */
 const magnification = () => parseFloat(getComputedStyle(document.documentElement).fontSize) / 10;
 

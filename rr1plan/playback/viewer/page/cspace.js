@@ -2,12 +2,6 @@
 
 const q2 = () => data.columns.map((column) => viewer.q[column]);
 const part = (selector) => root.querySelector(selector);
-const make = (tag, text, name) => {
-  const node = document.createElement(tag);
-  if (text !== undefined) node.textContent = text;
-  if (name) node.className = name;
-  return node;
-};
 
 class Lesson {
   constructor() {
@@ -20,7 +14,7 @@ class Lesson {
     this.live = null;
     this.torus = null;
     this.phase = makePhase();
-    const head = make("div", undefined, "head");
+    const head = element("div", undefined, "head");
     head.append(root.querySelector("h2"), part(".state"));
     root.prepend(head);
     this.wireTools();
@@ -112,6 +106,7 @@ class Lesson {
     note.hidden = !reason || !(this.workspace || data.others.length);
     note.textContent = this.workspace ? `Obstacles stand still on this page: ${reason}.` : `The slice stays as it was saved: ${reason}.`;
     this.endLive();
+    this.fillPhase();
     if (!planner || !live) { this.edits.awaitPlanner(false); return; }
     const image = await inflate(live.raster);
     if (data.live !== live || viewer.planner !== planner) return;
@@ -211,7 +206,7 @@ class Lesson {
     if (!shown) {
       this.take({ answer: null, tree: null, verdict: "Planning … ", tone: "open" });
       this.repaint();
-      shown = make("span");
+      shown = element("span");
       shown.ariaLive = "off";
       part(".verdict").append(shown);
     }
@@ -229,10 +224,10 @@ class Lesson {
 
   fillSliders() {
     const add = (box, k, low, high, { name, straight }, mark, move) => {
-      const row = make("div"), label = make("label"), slider = make("input"), out = make("output");
+      const row = element("div"), label = element("label"), slider = element("input"), out = element("output");
       Object.assign(slider, { type: "range", min: low, max: high, step: straight ? 10 ** (Math.ceil(Math.log10(high - low || 1)) - 3) : Math.PI / 360, id: `cspace-${k}` });
       label.htmlFor = slider.id;
-      label.append(make("b", mark), ` ${name}`);
+      label.append(element("b", mark), ` ${name}`);
       slider.oninput = () => move(Number(slider.value));
       row.append(label, out, slider);
       part(box).append(row);
@@ -247,7 +242,7 @@ class Lesson {
     part(".legend").replaceChildren();
     const patterns = patternsOf(data.layers);
     data.layers.forEach((layer, k) => {
-      const chip = make("button", undefined, "chip"), dot = make("i");
+      const chip = element("button", undefined, "chip"), dot = element("i");
       chip.type = "button";
       chip.title = `Only the image of ${layer.name}`;
       chip.setAttribute("aria-pressed", "false");
@@ -352,7 +347,7 @@ class Lesson {
     for (const tone of ["good", "bad", "open"]) text.classList.toggle(tone, data.tone === tone);
     if (data.tone !== "bad" || !this.place(data.start).free) return;
     const chip = (q) => {
-      const swatch = make("i"), label = this.place(q).part;
+      const swatch = element("i"), label = this.place(q).part;
       swatch.style.background = label ? patterned(PARTS[Math.min(label, PARTS.length) - 1], (label - 1) % PATTERNS.length) : "#fff";
       return swatch;
     };
@@ -416,7 +411,7 @@ class Lesson {
 
   drawPhase() {
     if (this.phase.hidden) return;
-    const why = !this.track ? "No motion" : this.live ? "No times yet: P plans a timed motion" : "This path has no times";
+    const why = !this.track ? "No motion" : !viewer.planner ? "No limits of joints: the page has no planner" : this.live ? "No times yet: P plans a timed motion" : "This path has no times";
     drawPhasePlane(this.phase.querySelector("canvas"), this.plane, viewer.manual || this.edits.pending ? null : viewer.player.fraction, why);
   }
 
@@ -523,12 +518,12 @@ class Lesson {
     tip.hidden = !this.pointer;
     if (!this.pointer) return;
     const answer = this.cells.answer(...this.pointer);
-    const head = make("b"), dot = make("i");
+    const head = element("b"), dot = element("i");
     dot.style.background = answer.layers.length ? answer.layers[0].color : "#3ecf9a";
     head.append(dot, words(answer).text);
     const q = this.pointer.map((share, axis) => reading(axis, wrapped(axis, value(axis, share))));
     tip.replaceChildren(head, `${symbol(0)} ${q[0]}   ${symbol(1)} ${q[1]}`);
-    if (this.chart.nearTwin(this.pointer)) tip.append(make("br"), "other elbow: the tool in the same place");
+    if (this.chart.nearTwin(this.pointer)) tip.append(element("br"), "other elbow: the tool in the same place");
     const { plot: { x, y, size }, ratio, canvas } = this.chart, k = 1 / ratio, wide = canvas.clientWidth;
     const px = (x + this.pointer[0] * size) * k, py = (y + (1 - this.pointer[1]) * size) * k;
     const left = px + 16 + tip.offsetWidth > wide ? px - 16 - tip.offsetWidth : px + 16;
@@ -575,10 +570,10 @@ const listed = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} 
 
 /** The card of the phase plane in a corner of the workspace. */
 function makePhase() {
-  const card = make("figure", undefined, "phase card"), plot = make("canvas");
+  const card = element("figure", undefined, "phase card"), plot = element("canvas");
   plot.setAttribute("role", "img");
   plot.setAttribute("aria-label", "Phase plane: path speed over path length, below its limit curve");
-  card.append(make("figcaption", "Phase plane: ṡ over s, limit curve dashed"), plot);
+  card.append(element("figcaption", "Phase plane: ṡ over s, limit curve dashed"), plot);
   card.hidden = true;
   document.getElementById("stage").append(card);
   return card;

@@ -72,14 +72,14 @@ class CspaceChart {
   /** Paints the cells. */
   paint() {
     const { lesson, plot: { size } } = this;
-    this.area ||= make("canvas");
+    this.area ||= element("canvas");
     if (this.area.width !== size) this.area.width = this.area.height = size;
     this.area.getContext("2d").putImageData(lesson.cells.paint(size, this.ratio, lesson.tinted, lesson.only), 0, 0);
   }
 
   /** Draws the static layers: cells, tree, names, frame; then the others. */
   redraw() {
-    this.still ||= make("canvas");
+    this.still ||= element("canvas");
     const { width, height } = this.canvas, pen = this.still.getContext("2d"), { x, y } = this.plot;
     if (this.still.width === width && this.still.height === height) pen.clearRect(0, 0, width, height);
     else Object.assign(this.still, { width, height });

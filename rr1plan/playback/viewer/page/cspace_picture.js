@@ -2,8 +2,6 @@
 // Positions are shares (u, v) of the two axes, 0 to 1, v upwards.
 
 const PARTS = ["#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7", "#fbd7e4", "#dfe8b8", "#c9ecee", "#efdfcf"];
-/** Read once, because each access would make the browser recompute styles. */
-const FONT = getComputedStyle(root).fontFamily;
 const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const START = "#2f66c8", GOAL = "#14855a";
 
@@ -33,7 +31,7 @@ function patternsOf(layers) {
 
 /** A background for a swatch of a legend: a color with its pattern, as in the picture. */
 function patterned(color, pattern) {
-  const size = 6, canvas = document.createElement("canvas"), pen = canvas.getContext("2d"), tile = tileOf(pattern, size);
+  const size = 6, canvas = element("canvas"), pen = canvas.getContext("2d"), tile = tileOf(pattern, size);
   canvas.width = canvas.height = size;
   tile.forEach((ink, i) => {
     pen.fillStyle = ink ? hex(inked(rgb(color))) : color;

@@ -108,7 +108,7 @@ class Workspace {
 
   /** An obstacle's name on it, so that no reader depends on colors. */
   nameTag(name, color, place) {
-    const { THREE } = viewer, canvas = document.createElement("canvas"), height = 64;
+    const { THREE } = viewer, canvas = element("canvas"), height = 64;
     const font = `600 ${0.66 * height}px ${FONT}`;
     let pen = canvas.getContext("2d");
     pen.font = font;
@@ -154,22 +154,22 @@ class Workspace {
 
   /** Tool, link lengths and manipulability, in a corner of the workspace. */
   makeReadout() {
-    const box = make("dl", undefined, "readout"), bar = make("i"), values = [];
+    const box = element("dl", undefined, "readout"), bar = element("i"), values = [];
     box.setAttribute("aria-label", "Tool, links and manipulability");
     for (const name of ["tool x", "tool y", "manipulability", "links"]) {
-      const out = make("dd"), row = make("div");
+      const out = element("dd"), row = element("div");
       values.push(out);
       out.className = name;
-      row.append(make("dt", name, name), out);
+      row.append(element("dt", name, name), out);
       box.append(row);
       if (name === "manipulability") {
         out.title = "|det J|, Yoshikawa’s measure: 0 where the arm is stretched or folded, most with the elbow at a right angle";
-        const meter = make("dd", undefined, "meter");
+        const meter = element("dd", undefined, "meter");
         meter.append(bar);
         box.append(meter);
       }
     }
-    const hint = make("dd", "Drag obstacles, links and the tool", "hint");
+    const hint = element("dd", "Drag obstacles, links and the tool", "hint");
     hint.hidden = true;
     box.append(hint);
     document.getElementById("stage").append(box);

@@ -9,25 +9,16 @@ const deviation = (v, i) => (slides[i] ? `${decimals(1000 * v, 2)} mm` : `${deci
 const oneArm = new Set(data.joints.map((name) => name.split("/")[0])).size === 1;
 
 const rows = data.joints.map((name) => {
-  const row = document.createElement("div");
-  row.className = "deviation";
-  const label = document.createElement("span"), groove = document.createElement("i"), bar = document.createElement("b");
-  const now = document.createElement("span"), most = document.createElement("span");
-  label.textContent = oneArm ? name.slice(name.indexOf("/") + 1) : name;
+  const row = element("div", undefined, "deviation"), groove = element("i", undefined, "groove"), bar = element("b");
+  const label = element("span", oneArm ? name.slice(name.indexOf("/") + 1) : name), now = element("span"), most = element("span");
   label.title = name;
-  groove.className = "groove";
   groove.append(bar);
   row.append(label, groove, now, most);
   return { row, bar, now, most };
 });
 if (rows.length) {
-  const head = document.createElement("div");
-  head.className = "deviation head";
-  for (const text of ["Off the plan", "", "now", "most"]) {
-    const cell = document.createElement("span");
-    cell.textContent = text;
-    head.append(cell);
-  }
+  const head = element("div", undefined, "deviation head");
+  head.append(...["Off the plan", "", "now", "most"].map((text) => element("span", text)));
   part(".deviations").append(head, ...rows.map(({ row }) => row));
 } else for (const node of [canvas, part("h3")]) node.hidden = true;
 
@@ -38,7 +29,7 @@ function drawUses() {
   canvas.width = Math.round(width * scale);
   canvas.height = Math.round(height * scale);
   pen.setTransform(scale, 0, 0, scale, 0, 0);
-  pen.font = "11px Inter, 'Segoe UI', 'DejaVu Sans', sans-serif";
+  pen.font = `11px ${FONT}`;
   const last = uses.length ? uses[uses.length - 1].time : LASTS, begin = Math.max(last - LASTS, uses.length ? uses[0].time : 0);
   const high = Math.max(1.25, Math.min(3, 1.1 * Math.max(0, ...uses.map(({ use }) => use))));
   const x = (time) => left + ((time - begin) / Math.max(last - begin, 1)) * (width - left - 4);

@@ -16,7 +16,8 @@ function phasePlane(track, rates) {
   for (let k = 0; k <= count; k++) {
     // Denser at both ends, where the motion is slow.
     const share = 0.5 - 0.5 * Math.cos((Math.PI * k) / count);
-    const { rate, second } = derivativesAt(track, track.start + Math.min(Math.max(share, 1e-9), 1 - 1e-9) * span);
+    const inside = track.start + Math.min(Math.max(share, 1e-9), 1 - 1e-9) * span;
+    const [rate, second] = [1, 2].map((order) => columns.map((_, slot) => track.rate(inside, slot, order)));
     track.at(track.start + share * span, q);
     const here = columns.map((c) => q[c]), speed = Math.hypot(...rate);
     if (last) s += Math.hypot(...here.map((v, j) => v - last[j]));
@@ -40,32 +41,18 @@ function phasePlane(track, rates) {
   return out;
 }
 
-/** Velocity and acceleration of a motion's columns at a time. */
-function derivativesAt(track, t) {
-  const i = track.piece(t), local = t - track.breaks[i], { coefficients, terms, width } = track;
-  const rate = [], second = [];
-  for (let j = 0; j < width; j++) {
-    let first = 0, other = 0;
-    for (let k = terms - 1; k >= 1; k--) {
-      const c = coefficients[(i * terms + k) * width + j];
-      first = first * local + k * c;
-      if (k >= 2) other = other * local + k * (k - 1) * c;
-    }
-    rate.push(first);
-    second.push(other);
-  }
-  return { rate, second };
-}
+/** The unit of lengths of paths of the two joints. */
+const pathUnit = () => [...new Set(data.joints.map(({ straight }) => (straight ? "m" : "rad")))].sort().join(" and ");
 
 /** Draws a phase plane into a canvas, or the reason why there is none; at: the current time of the motion, or null. */
 function drawPhasePlane(canvas, plane, at, why) {
   const ratio = fineness() * magnification(), pen = canvas.getContext("2d");
   const width = (canvas.width = Math.max(1, Math.round(canvas.clientWidth * fineness())));
   const height = (canvas.height = Math.max(1, Math.round(canvas.clientHeight * fineness())));
-  const left = 34 * ratio, below = 20 * ratio, top = 10 * ratio, right = 10 * ratio, font = getComputedStyle(root).fontFamily;
+  const left = 34 * ratio, below = 20 * ratio, top = 10 * ratio, right = 10 * ratio;
   if (!plane) {
     pen.fillStyle = SOFT;
-    pen.font = `${12 * ratio}px ${font}`;
+    pen.font = `${12 * ratio}px ${FONT}`;
     pen.fillText(why, 10 * ratio, height / 2);
     return;
   }
@@ -100,12 +87,12 @@ function drawPhasePlane(canvas, plane, at, why) {
   pen.lineTo(width - right, height - below);
   pen.stroke();
   pen.fillStyle = SOFT;
-  pen.font = `${11 * ratio}px ${font}`;
+  pen.font = `${11 * ratio}px ${FONT}`;
   pen.textAlign = "right";
-  pen.fillText(`s = ${length.toFixed(2)} rad`, width - right, height - 6 * ratio);
+  pen.fillText(`s = ${shortNumber(length)} ${pathUnit()}`, width - right, height - 6 * ratio);
   pen.textAlign = "left";
   pen.fillText("ṡ", 8 * ratio, top + 10 * ratio);
-  pen.fillText(fastest.toFixed(1), 8 * ratio, Math.max(y(fastest) + 4 * ratio, top + 24 * ratio));
+  pen.fillText(shortNumber(fastest), 8 * ratio, Math.max(y(fastest) + 4 * ratio, top + 24 * ratio));
   pen.fillText("0", left, height - 6 * ratio);
   if (at !== null) {
     const k = Math.round((Math.acos(1 - 2 * Math.min(Math.max(at, 0), 1)) / Math.PI) * PHASE_SAMPLES);

@@ -1,6 +1,6 @@
 // The card of curves under the scene: joints against their limits, torques, clearances, tracking errors, violations.
 
-const EDGES = { left: 46, right: 12, top: 15, bottom: 19 }; // [px]
+const EDGES = { left: 50, right: 12, top: 15, bottom: 19 }; // [px]
 const BAD = "#c2255c", SOFT = "#667080", INK = "#1b2430", GRID = "#e3e7ec";
 const WIDE = 1000; // [px] width of the picture from which two curves are shown initially
 /** The quantity in whose chart violations of a kind are marked across the whole height. */
@@ -284,7 +284,7 @@ class Chart {
     const pen = canvas.getContext("2d");
     pen.setTransform(this.fine, 0, 0, this.fine, 0, 0);
     pen.clearRect(0, 0, canvas.width, canvas.height);
-    pen.font = `11px ${getComputedStyle(document.documentElement).fontFamily}`;
+    pen.font = `11px ${FONT}`;
     return pen;
   }
 
@@ -436,7 +436,7 @@ class Chart {
     pen.lineTo(x, this.box.bottom);
     pen.stroke();
     if (viewer.manual) return;
-    pen.font = `600 9px ${getComputedStyle(document.documentElement).fontFamily}`;
+    pen.font = `600 9px ${FONT}`;
     Object.assign(pen, { textAlign: "center", textBaseline: "middle" });
     for (const { curve, value } of values) {
       const v = this.drawn(curve, value);

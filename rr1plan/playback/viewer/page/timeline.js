@@ -13,12 +13,6 @@ let large = 1, left = 0, right = 0, rowHeight = 0, below = 0; // drawn in px of 
 const x = (time) => left + ((time - line.start) / (line.makespan || 1)) * (right - left);
 const y = (row) => (row + 0.5) * rowHeight;
 
-/** Seconds between two lines of the grid: 1, 2 or 5 times a power of ten. */
-function gridStep() {
-  const least = line.makespan / 6, power = 10 ** Math.floor(Math.log10(least || 1));
-  return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least) || 1;
-}
-
 function draw() {
   large = magnification();
   const width = chart.clientWidth / large, rows = line.arms.length;
@@ -31,7 +25,7 @@ function draw() {
   canvas.style.height = `${large * (below + AXIS)}px`;
   now.style.height = `${large * below}px`;
   pen.setTransform(scale, 0, 0, scale, 0, 0);
-  pen.font = "12px Inter, 'Segoe UI', 'DejaVu Sans', sans-serif";
+  pen.font = `12px ${FONT}`;
   const named = rowHeight >= 13;
   left = named ? Math.min(110, 8 + Math.max(...line.arms.map((arm) => pen.measureText(arm.name).width))) : 14;
   right = width - 8;
@@ -43,16 +37,15 @@ function draw() {
 }
 
 function drawGrid() {
-  const step = gridStep(), digits = Math.max(0, -Math.floor(Math.log10(step)));
   pen.textBaseline = "alphabetic";
-  pen.textAlign = "center";
-  for (let k = 0; k * step <= line.makespan + 1e-9; k++) {
-    const at = x(line.start + k * step);
+  niceTicks(line.start, line.start + line.makespan, 6).forEach((time, k, all) => {
+    const at = x(time), isLast = k === all.length - 1;
     pen.fillStyle = "#e3e7ec";
     pen.fillRect(Math.round(at), 0, 1, below);
     pen.fillStyle = "#667080";
-    pen.fillText(`${(line.start + k * step).toFixed(digits)}${k ? "" : " s"}`, at + (k ? 0 : 6), below + 14);
-  }
+    pen.textAlign = isLast && at > right - 12 ? "right" : "center";
+    pen.fillText(`${shortNumber(time)}${isLast ? " s" : ""}`, at, below + 14);
+  });
 }
 
 function drawRow(arm, row, named) {

@@ -12,7 +12,7 @@ class TorusView {
   constructor(lesson, plot) {
     const { THREE } = viewer;
     this.lesson = lesson;
-    this.canvas = make("canvas", undefined, "torus");
+    this.canvas = element("canvas", undefined, "torus");
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", "Configuration space as a torus: drag or arrow keys turn it, a click moves the arm");
