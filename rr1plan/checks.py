@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sized
+from collections.abc import Collection, Iterable, Mapping, Sized
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
@@ -356,7 +356,7 @@ def known_name(kind: str, name: str, known: Iterable[str], advice: str = "") -> 
     Raises:
         UnknownNameError: it is not; the message suggests similar names and gives the advice, a sentence.
     """
-    names = tuple(known)
+    names = known if isinstance(known, Collection) else tuple(known)  # a name in a dictionary is not searched for
     if not isinstance(name, str) or name not in names:
         raise UnknownNameError(kind, name, names, advice)
     return name

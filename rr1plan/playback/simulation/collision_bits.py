@@ -15,10 +15,9 @@ from itertools import combinations
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.scene import Scene
 
-# Bits of obstacles and loose bodies, and of planes, which collide with loose bodies by bit and with arms by explicit
-# pairs; index of the first bit for products, number of these bits, and number of colors.
-OTHERS, PLANES = 1, 2
-_FIRST, _OWN, _COLORS = 2, 8, 21
+# Bit of obstacles and loose bodies; index of the first bit for products, number of these bits, and number of colors.
+OTHERS = 1
+_FIRST, _OWN, _COLORS = 1, 8, 22
 
 
 def collision_bits(scene: Scene) -> dict[str, tuple[int, int]]:

@@ -11,6 +11,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.model.kinematic_chain import turned_to
+from rr1plan.object_cache import kept_in
 from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.robot import Geometry
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -28,7 +29,7 @@ _GRAY = (0.6, 0.6, 0.6, 1.0)
 
 
 class GeomOptions:
-    """Options of geoms; meshes are added to a model once and shared by its geoms.
+    """Options of geoms; those of a shape are made once, and meshes are added to a model once and shared by its geoms.
 
     Args:
         spec: The model.
@@ -37,9 +38,13 @@ class GeomOptions:
     def __init__(self, spec: mujoco.MjSpec) -> None:
         self._spec = spec
         self._meshes: dict[int, list[str]] = {}
+        self._made: dict[int, tuple[dict[str, Any], ...]] = {}
 
-    def of(self, geometry: Geometry) -> Iterator[dict[str, Any]]:
-        """Type, size, pose and color of each geom of a shape, as arguments of `add_geom`."""
+    def of(self, geometry: Geometry) -> tuple[dict[str, Any], ...]:
+        """Type, size, pose and color of each geom of a shape of the scene, as arguments of `add_geom`."""
+        return kept_in(self._made, id(geometry), lambda: tuple(self._geoms_of(geometry)))
+
+    def _geoms_of(self, geometry: Geometry) -> Iterator[dict[str, Any]]:
         for options in self._of_shape(geometry.shape):
             offset = np.eye(4)
             offset[:3, 3] = options.pop("offset", (0.0, 0.0, 0.0))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
-from rr1plan.playback.simulation.collision_bits import OTHERS, PLANES, collision_bits
+from rr1plan.playback.simulation.collision_bits import OTHERS, collision_bits
 from rr1plan.playback.simulation.mujoco_geoms import GeomOptions
 from rr1plan.robot import Geometry, Inertial, Joint, Link
 from rr1plan.robot.link_masses import solid_inertial
@@ -231,14 +231,10 @@ class _Builder:
         self.joints: list[_PlacedJoint] = []
         self.servos: list[mujoco.MjsActuator] = []
         self.elements: dict[str, str] = {}
-        # Held objects by arm, and the elements that joints move.
+        # Held objects by arm.
         self._held: dict[str, dict[str, Attachment]] = {}
         for name, held in scene.attachments.items():
             self._held.setdefault(held.arm, {})[name] = held
-        self._moving: set[str] = set()
-        # Element, friction and solref of each geom of these elements.
-        self._surfaces: dict[str, tuple[str, list[float], list[float]]] = {}
-        self._planes: list[mujoco.MjsGeom] = []
         self._add_arms()
         for name, obstacle in scene.obstacles.items():
             body = self._add_object(self.spec.worldbody, name, obstacle)
@@ -247,7 +243,6 @@ class _Builder:
         self._add_servos()
         for a, b in _excluded_pairs(scene, self._bits):
             self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
-        self._pair_with_planes()
 
     def _add_arms(self) -> None:
         """Add the arms with their held objects."""
@@ -256,7 +251,7 @@ class _Builder:
             for arm in arms:
                 self._add_arm(self.spec.worldbody, arm)
             return
-        size = math.isqrt(len(arms))
+        size = 2 * math.isqrt(len(arms))
         for start in range(0, len(arms), size):
             group = _new_spec()
             group.default.name = f"arms{start}"
@@ -272,9 +267,6 @@ class _Builder:
     def _add_arm(self, world: mujoco.MjsBody, arm: str) -> None:
         robot, base = self.scene.arms[arm].robot, self.scene.arms[arm].base
         held = self._held.get(arm, {})
-        moving = {link.name for body in robot.bodies[1:] for link in body}
-        self._moving.update(f"{arm}/{link}" for link in moving)
-        self._moving.update(name for name, thing in held.items() if thing.link in moving)
         bodies = {robot.links[0].name: self._add_link(world, arm, robot.links[0], base)}
         for joint in robot.limited_joints:
             body = self._add_link(bodies[joint.parent], arm, robot.link(joint.child), joint.origin)
@@ -283,19 +275,6 @@ class _Builder:
                 self._add_joint(body, arm, joint)
         for name, thing in held.items():
             self._add_object(bodies[thing.link], name, thing)
-
-    def _pair_with_planes(self) -> None:
-        """Check shapes moved by arms against planes as explicit pairs.
-
-        MuJoCo's broad phase pairs a plane with every body, a quarter of the time for contacts of many arms.
-        """
-        for plane in self._planes:
-            plane.contype = plane.conaffinity = PLANES
-            checked = {name for name in self._moving if not self.scene.may_touch(name, self.elements[plane.name])}
-            for name, (element, (slide, spin, roll), solref) in self._surfaces.items():
-                if element in checked:
-                    friction = [slide, slide, spin, roll, roll]
-                    self.spec.add_pair(geomname1=plane.name, geomname2=name, friction=friction, solref=solref)
 
     def _add_link(self, parent: mujoco.MjsBody, arm: str, link: Link, pose: Array) -> mujoco.MjsBody:
         body = self._add_body(parent, f"{arm}/{link.name}", pose)
@@ -358,17 +337,13 @@ class _Builder:
             self.servos.append(servo)
 
     def _add_geoms(self, body: mujoco.MjsBody, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
-        bits = (OTHERS | PLANES,) * 2 if element in self._loose else self._bits.get(element, (OTHERS, OTHERS))
+        bits = self._bits.get(element, (OTHERS, OTHERS))
         surface |= {"contype": bits[0], "conaffinity": bits[1]}
         for index, geometry in enumerate(geometries):
             for part, options in enumerate(self._geom_options.of(geometry)):
                 name = f"{element}#{index}.{part}"
-                geom = body.add_geom(name=name, mass=0.0, **options, **surface)
+                body.add_geom(name=name, mass=0.0, **options, **surface)
                 self.elements[name] = element
-                if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
-                    self._planes.append(geom)
-                elif element in self._moving:
-                    self._surfaces[name] = element, geom.friction.tolist(), geom.solref.tolist()
 
 
 def _excluded_pairs(scene: Scene, coded: Container[str]) -> Iterator[tuple[str, str]]:
