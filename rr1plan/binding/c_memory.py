@@ -22,6 +22,7 @@ _DTYPES: dict[str, np.dtype[Any]] = {
     "int64_t": np.dtype(np.int64),
     "uint64_t": np.dtype(np.uint64),
     "int16_t": np.dtype(np.int16),
+    "int32_t": np.dtype(np.int32),
     "int8_t": np.dtype(np.int8),
     "uint8_t": np.dtype(np.uint8),
 }

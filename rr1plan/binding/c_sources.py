@@ -25,6 +25,7 @@ _NUMBERS: dict[str, type] = {
     "int64_t": ctypes.c_int64,
     "uint64_t": ctypes.c_uint64,
     "int16_t": ctypes.c_int16,
+    "int32_t": ctypes.c_int32,
     "int8_t": ctypes.c_int8,
     "uint8_t": ctypes.c_uint8,
     "f64x8": ctypes.c_double * 8,

@@ -165,7 +165,6 @@ class ArmInstances:
         first_column: First column of q of each arm, shape (arms,).
         chains: Every set of joints that moves a solid, root first; the first one is empty.
         groups: Index in `chains` of each solid's chain, shape (n,).
-        shared: Number of joints that two chains have in common, shape (len(chains), len(chains)).
         surfaceless: Which solids are half-spaces or point clouds.
         kept: Tables derived from them.
         unplaced: Tables independent of the bases, shared by all instances of these geometries.
@@ -177,7 +176,6 @@ class ArmInstances:
     first_column: _INTS
     chains: tuple[tuple[int, ...], ...]
     groups: _INTS
-    shared: _INTS
     surfaceless: tuple[bool, ...]
     unplaced: dict[str, Any]
     kept: dict[str, Any] = field(default_factory=dict)
@@ -211,12 +209,10 @@ def _at_origin(geometries: tuple[ArmGeometry, ...]) -> ArmInstances:
     joints = _first([len(g.arm_model.model.parents) - 1 for g in geometries])
     columns = _first([len(g.arm_model.joint_names) for g in geometries])
     groups, chains = [np.zeros(0, np.int64)], [()]
-    shared = np.zeros((1 + sum(len(g.chains) - 1 for g in geometries),) * 2, np.int64)
     for geometry, first in zip(geometries, joints.tolist(), strict=True):
         before = len(chains) - 1
         groups.append(np.where(geometry.groups > 0, geometry.groups + before, 0))
         chains += [tuple(joint + first for joint in chain) for chain in geometry.chains[1:]]
-        shared[before + 1 : len(chains), before + 1 : len(chains)] = geometry.shared[1:, 1:]
     return ArmInstances(
         geometries,
         read_only(np.tile(np.eye(4), (len(geometries), 1, 1))),
@@ -224,7 +220,6 @@ def _at_origin(geometries: tuple[ArmGeometry, ...]) -> ArmInstances:
         read_only(columns),
         tuple(chains),
         read_only(np.concatenate(groups)),
-        read_only(shared),
         tuple(kind for geometry in geometries for kind in geometry.surfaceless),
         {},
     )

@@ -132,7 +132,7 @@ class CoalChecker:
         """Pairs of elements that must not touch, at least one of which belongs to a moving arm.
 
         Pairs of arms or of an arm and an obstacle that provably stay more than 5 cm beyond the greatest padding apart
-        for all q are omitted.
+        for all q are omitted; in scenes with such arms or obstacles, also pairs of links of two moving arms.
         """
         names = self.geometry.rules.names
         return tuple((names[i], names[j]) for i, j in self.geometry.rules.checked.tolist())

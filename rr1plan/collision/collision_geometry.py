@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import FARTHEST, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, Solid, arm_geometry, arm_instances
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, stationary_arm_geometry
-from rr1plan.collision.reach_broad_phase import find_near
+from rr1plan.collision.reach_broad_phase import find_near, gaps_between, placed_balls, solid_reach
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.object_cache import kept_in
@@ -59,7 +59,6 @@ class CollisionGeometry:
         near = find_near(scene, geometries, obstacles, arms, distance)
         self._arms = arms
         self.distance = distance
-        self.least_gap = near.least_gap
         if len(near.obstacles) < len(scene.obstacles):
             obstacles = obstacle_geometry({name: scene.obstacles[name] for name in near.obstacles})
         if near.arms:
@@ -70,7 +69,8 @@ class CollisionGeometry:
         # Half-spaces, point clouds and concave meshes are the last kinds.
         surfaceless = obstacles.kinds >= constants()["BODY_HALF_SPACE"]
         names = {*arms, *near.arms}
-        self.instances, self.rules, self.pairs = _layout(
+        layout = _large_layout if len(arms) > _MANY else _layout
+        self.instances, self.rules, self.pairs, least_gap = layout(
             arms,
             tuple([scene.arms[name].base.tobytes() for name in arms]),
             tuple([(name, geometry) for name, geometry in geometries.items() if name in names]),
@@ -80,7 +80,9 @@ class CollisionGeometry:
             near.near_pairs,
             tuple(obstacles.elements),
             surfaceless.tobytes(),
+            distance,
         )
+        self.least_gap = min(near.least_gap, least_gap)
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -111,8 +113,7 @@ _Names = frozenset[str]
 _Held = tuple[str, str, str, _Names]
 
 
-@lru_cache(maxsize=128)
-def _layout(
+def _new_layout(
     arms: tuple[str, ...],
     bases: tuple[bytes, ...],
     geometries: tuple[tuple[str, ArmGeometry], ...],
@@ -122,8 +123,11 @@ def _layout(
     near_pairs: frozenset[_Names] | None,
     elements: tuple[str, ...],
     surfaceless: bytes,
-) -> tuple[ArmInstances, ContactRules, SolidPairs]:
-    """The moving arms, and which elements and solids must not touch; independent of the poses of obstacles.
+    distance: float,
+) -> tuple[ArmInstances, ContactRules, SolidPairs, float]:
+    """The moving arms, which elements and solids must not touch, and the least gap of links that are out of reach.
+
+    Independent of the poses of obstacles.
 
     Args:
         arms: The arms that move.
@@ -135,6 +139,8 @@ def _layout(
         near_pairs: See `Near`.
         elements: The element of each solid that does not move.
         surfaceless: Which of these solids are half-spaces, point clouds or concave meshes, as bytes of bool.
+        distance: Elements of two moving arms that provably stay farther apart than this are omitted [m]; only in scenes
+            in which arms or obstacles are omitted.
     """
     of_arm = dict(geometries)
     held = tuple(thing for thing in held if thing[1] in of_arm)
@@ -155,7 +161,34 @@ def _layout(
         )
     )
     instances = arm_instances(tuple(of_arm[name] for name in arms), bases)
-    return instances, rules, _solid_pairs(instances, arms, rules, elements, surfaceless)
+    least_gap = np.inf
+    if near_pairs is not None:
+        rules, least_gap = _within_reach(rules, instances, arms, distance)
+    return instances, rules, _solid_pairs(instances, arms, rules, elements, surfaceless), least_gap
+
+
+_layout = lru_cache(maxsize=128)(_new_layout)
+# The pairs of a thousand arms take two gigabytes.
+_MANY = 32
+_large_layout = lru_cache(maxsize=2)(_new_layout)
+
+
+def _within_reach(
+    rules: ContactRules, instances: ArmInstances, arms: tuple[str, ...], distance: float
+) -> tuple[ContactRules, float]:
+    """The rules without pairs of elements of two moving arms that stay apart, and the least gap of those [m]."""
+    number = {name: i for i, name in enumerate(rules.names)}
+    balls, owner = np.full((len(number), 4), [0.0, 0.0, 0.0, -np.inf]), np.full(len(number), -1, np.int64)
+    for i, (geometry, arm) in enumerate(zip(instances.geometries, arms, strict=True)):
+        index, reach = [number[name] for name in geometry.elements(arm)], solid_reach(geometry)
+        owner[index], balls[index, :3] = i, placed_balls(reach, instances.bases[i : i + 1])[:, :3]
+        np.maximum.at(balls[:, 3], index, reach[:, 3])
+    one, two = rules.checked.T
+    gaps = np.where((owner[one] >= 0) & (owner[two] >= 0) & (owner[one] != owner[two]), 0.0, -np.inf)
+    of_two_arms = np.flatnonzero(gaps == 0.0)
+    gaps[of_two_arms] = gaps_between(balls[one[of_two_arms]], balls[two[of_two_arms]])
+    near = gaps <= distance
+    return (rules, np.inf) if near.all() else (rules.with_checked(rules.checked[near]), float(gaps[~near].min()))
 
 
 # ---- pairs -----------------------------------------------------------------------------------------
@@ -187,17 +220,18 @@ class SolidPairs:
     kept: dict[str, Any] = field(default_factory=dict)
 
 
-@lru_cache(maxsize=128)
 def _solid_pairs(
     instances: ArmInstances, arms: tuple[str, ...], rules: ContactRules, elements: tuple[str, ...], surfaceless: bytes
 ) -> SolidPairs:
-    """The pairs of solids; see `_layout`."""
+    """The pairs of solids; see `_new_layout`."""
     checked = rules.checked
     number = {name: i for i, name in enumerate(rules.names)}
     moving = [name for g, arm in zip(instances.geometries, arms, strict=True) for name in g.elements(arm)]
     element_of, element_count = np.array([number[name] for name in (*moving, *elements)], np.int64), len(number)
     chains = np.zeros(len(element_of), np.int64)
     chains[: len(instances.groups)] = instances.groups
+    links = np.array([joint for chain in instances.chains for joint in chain], np.int64)
+    first_link = np.cumsum([0, *map(len, instances.chains)], dtype=np.int64)
     kinds = np.array([*instances.surfaceless, *np.frombuffer(surfaceless, np.bool_)], np.bool_)
     sizes = np.bincount(element_of, minlength=element_count)
     count = int(sizes[checked[:, 0]] @ sizes[checked[:, 1]])
@@ -205,8 +239,8 @@ def _solid_pairs(
     index, owner = np.empty((count, 2), np.int64), np.empty(count, np.int64)
     rows = np.empty((count, 3), np.int64)
     count_moving = load_library().rr1_list_solid_pairs(
-        checked, len(checked), element_of, len(element_of), element_count, chains, instances.shared,
-        len(instances.shared), kinds.view(np.uint8), order, first, index, owner, rows,
+        checked, len(checked), element_of, len(element_of), element_count, chains, links, first_link,
+        kinds.view(np.uint8), order, first, index, owner, rows,
     )  # fmt: skip
     for array in (index, owner, rows, kinds):
         read_only(array)

@@ -100,16 +100,22 @@ def reach_ball(geometry: ArmGeometry) -> Array:
 
     The radius is infinite if a joint slides, because checked configurations need not be within limits.
     """
-    return kept_in(geometry.kept, "reach", lambda: _reach_ball(geometry))
+    balls = solid_reach(geometry)
+    return np.array([*balls[0, :3], balls[:, 3].max()]) if len(balls) else np.array([0.0, 0.0, 0.0, _ROUNDING])
 
 
-def _reach_ball(geometry: ArmGeometry) -> Array:
+def solid_reach(geometry: ArmGeometry) -> Array:
+    """Balls with a common center that contain each solid of an arm in every configuration, as `reach_ball`, (n, 4)."""
+    return kept_in(geometry.kept, "reach", lambda: _solid_reach(geometry))
+
+
+def _solid_reach(geometry: ArmGeometry) -> Array:
     tables = arm_tables(geometry)
     bodies, joints, poses = tables.bodies, tables.joints.tolist(), tables.joint_poses
     origins = poses[:, 9:].tolist()
     driven = [joint for joint, (_, _, column, _) in enumerate(joints) if joint and column >= 0]
     if any(joints[joint][1] for joint in driven):
-        return np.array([*origins[0], np.inf])
+        return np.tile([*origins[0], np.inf], (len(bodies.bodies), 1))
     above = {0: 0} | {joint: _carrier(joints, joints[joint][0]) for joint in driven}
     # The origin of a joint is fixed as long as it lies on the axes of all joints before it.
     axes = np.einsum("nij,nj->ni", poses[:, :9].reshape(-1, 3, 3), tables.joint_values[:, 12:15]).tolist()
@@ -125,12 +131,13 @@ def _reach_ball(geometry: ArmGeometry) -> Array:
     for joint in driven:
         before = above[joint]
         beyond.setdefault(joint, beyond[before] + math.dist(origins[joint], origins[before]))
-    radius = 0.0
+    found = []
     rows = zip(bodies.bodies.tolist(), bodies.centers.tolist(), bodies.values[:, 15].tolist(), strict=True)
     for (_, carrier, *_), at, ball in rows:
         joint = _carrier(joints, carrier)
-        radius = max(radius, math.dist(at, origins[joint]) + beyond[joint] + ball)
-    return np.array([*center, radius * _RELATIVE + _ROUNDING])
+        radius = math.dist(at, origins[joint]) + beyond[joint] + ball
+        found.append([*center, radius * _RELATIVE + _ROUNDING])
+    return np.array(found).reshape(-1, 4)
 
 
 def _carrier(joints: list[list[int]], joint: int) -> int:
@@ -165,8 +172,13 @@ def obstacle_boxes(obstacles: ObstacleGeometry) -> Array:
 
 def ball_gaps(one: Array, two: Array) -> Array:
     """Gaps between balls [m], shape (n, m)."""
-    distances = np.linalg.norm(one[:, None, :3] - two[None, :, :3], axis=2)
-    return np.asarray(distances / _RELATIVE - one[:, None, 3] - two[None, :, 3] - _ROUNDING)
+    return gaps_between(one[:, None], two[None])
+
+
+def gaps_between(one: Array, two: Array) -> Array:
+    """Gaps between each ball of one array and that of another one [m], shapes (..., 4)."""
+    distances = np.linalg.norm(one[..., :3] - two[..., :3], axis=-1)
+    return np.asarray(distances / _RELATIVE - one[..., 3] - two[..., 3] - _ROUNDING)
 
 
 def near_balls(balls: Array, distance: float) -> NDArray[np.int64]:
@@ -179,9 +191,7 @@ def near_balls(balls: Array, distance: float) -> NDArray[np.int64]:
     one = np.repeat(np.arange(len(order)), counts)
     two = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(counts) - counts, counts)
     pairs = np.sort(np.column_stack([order[one], order[two]]), axis=1)
-    a, b = balls[pairs[:, 0]], balls[pairs[:, 1]]
-    gaps = np.linalg.norm(a[:, :3] - b[:, :3], axis=1) / _RELATIVE - a[:, 3] - b[:, 3] - _ROUNDING
-    pairs = pairs[gaps <= distance]
+    pairs = pairs[gaps_between(balls[pairs[:, 0]], balls[pairs[:, 1]]) <= distance]
     return np.asarray(pairs[np.lexsort(pairs.T[::-1])], np.int64)
 
 

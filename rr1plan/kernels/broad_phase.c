@@ -132,7 +132,7 @@ INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const Sce
     int64_t count = 0;
     for (int64_t b = group->first_body; b < group->last_body; b++) ready_ball(b, 1, scene, scratch);
     for (int64_t b = group->first_body; b < group->last_body; b++) {
-        const int64_t *pairs = scene->pairs->obstacle_pair + b * scene->obstacles->count;
+        const int32_t *pairs = scene->pairs->obstacle_pair + b * scene->obstacles->count;
         SphereRef ball = ball_around(&scene->arm->bodies[b]);
         for (int64_t n = 0; n < listed; n++) {
             int64_t o = scratch->near_obstacles[n].index, pair = pairs[o];

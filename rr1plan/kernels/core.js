@@ -15,6 +15,7 @@ const NUMBERS = {
   int64_t: [BigInt64Array, 1],
   uint64_t: [BigUint64Array, 1],
   int16_t: [Int16Array, 1],
+  int32_t: [Int32Array, 1],
   int8_t: [Int8Array, 1],
   uint8_t: [Uint8Array, 1],
   f64x8: [Float64Array, 8],

@@ -4,17 +4,26 @@
 #include "pair_tables.h"
 #include "simd.h"
 
+// Number of joints that two chains have in common: they coincide from the root until they part.
+static int64_t common_joints(const int64_t *links, const int64_t *first_link, int64_t a, int64_t b) {
+    const int64_t *one = links + first_link[a], *end = links + first_link[a + 1];
+    const int64_t *other = links + first_link[b], *other_end = links + first_link[b + 1];
+    int64_t count = 0;
+    while (one + count < end && other + count < other_end && one[count] == other[count]) count++;
+    return count;
+}
+
 // List pairs of solids: those that move relative to each other, then the others, each in the order of the pairs of
 // elements.
 //
-// checked: pairs of elements; elements: that of each solid; chains: which of `chain_count` carries each solid; shared:
-// number of joints that two chains have in common; surfaceless: 1 for solids that have to be second in `rows`. order,
-// first: room for a number for each solid, and for each element and one more. index, owner, rows: for each pair its
-// solids, its pair of elements, and its solids in the order of measurement with the number of joints that move both.
-// Returns the number of moving pairs.
+// checked: pairs of elements; elements: that of each solid; chains: which chain of joints carries each solid; links,
+// first_link: the joints of all chains, and where each chain begins; surfaceless: 1 for solids that have to be second in
+// `rows`. order, first: room for a number for each solid, and for each element and one more. index, owner, rows: for
+// each pair its solids, its pair of elements, and its solids in the order of measurement with the number of joints that
+// move both. Returns the number of moving pairs.
 EXPORT int64_t rr1_list_solid_pairs(
     const NumberPair *checked, int64_t checked_count, const int64_t *elements, int64_t solid_count,
-    int64_t element_count, const int64_t *chains, const int64_t *shared, int64_t chain_count,
+    int64_t element_count, const int64_t *chains, const int64_t *links, const int64_t *first_link,
     const uint8_t *surfaceless, int64_t *order, int64_t *first, NumberPair *index, int64_t *owner, ExactPair *rows
 ) {
     for (int64_t e = 0; e <= element_count; e++) first[e] = 0;
@@ -40,7 +49,7 @@ EXPORT int64_t rr1_list_solid_pairs(
                     rows[row] = (ExactPair){
                         .body = surfaceless[one] ? two : one,
                         .other = surfaceless[one] ? one : two,
-                        .shared = stays ? 0 : shared[chains[one] * chain_count + chains[two]],
+                        .shared = stays ? 0 : common_joints(links, first_link, chains[one], chains[two]),
                     };
                 }
             }
@@ -93,7 +102,7 @@ static KeyedRow *sorted_rows(KeyedRow *rows, KeyedRow *other, int64_t count) {
 
 // List the blocks of obstacles with which some body of each group has a pair. Returns their number.
 static int64_t list_obstacle_blocks(
-    const Group *groups, int64_t group_count, const int64_t *pair_of, int64_t columns, NearBlock *blocks, int64_t *first
+    const Group *groups, int64_t group_count, const int32_t *pair_of, int64_t columns, NearBlock *blocks, int64_t *first
 ) {
     int64_t count = 0, before = 0;
     for (int64_t g = 0; g < group_count; g++) {
@@ -125,7 +134,7 @@ static int64_t list_obstacle_blocks(
 EXPORT void rr1_list_body_pairs(
     const NumberPair *pairs, const ExactPair *rows, int64_t pair_count, const int64_t *body, const int64_t *obstacle,
     const Body *bodies, int64_t body_count, const Group *groups, int64_t group_count, int64_t joint_count,
-    int64_t columns, int64_t *room, int64_t *pair_of, BodyPair *body_pairs, NumberPair *solids,
+    int64_t columns, int64_t *room, int32_t *pair_of, BodyPair *body_pairs, NumberPair *solids,
     GroupPair *group_pairs, NearBlock *obstacle_blocks, int64_t *first_obstacle_block,
     NearBlock *group_blocks, int64_t *first_group_block, int64_t counts[3]
 ) {
@@ -137,9 +146,9 @@ EXPORT void rr1_list_body_pairs(
     for (int64_t k = 0; k < pair_count; k++) {
         int64_t one = pairs[k].one, two = pairs[k].other;
         if (body[one] < 0) {
-            pair_of[body[two] * columns + obstacle[one]] = k;
+            pair_of[body[two] * columns + obstacle[one]] = (int32_t)k;
         } else if (body[two] < 0) {
-            pair_of[body[one] * columns + obstacle[two]] = k;
+            pair_of[body[one] * columns + obstacle[two]] = (int32_t)k;
         } else {
             int64_t group = bodies[body[one]].group, other = bodies[body[two]].group;
             // Sorted by both groups, then by the number of joints that move both bodies.

@@ -52,7 +52,7 @@ typedef struct {
 
 typedef struct {
     const double *padding;       // distance that each pair has to keep [m]
-    const int64_t *obstacle_pair;  // pair of a body and an obstacle, -1: none; shape (bodies, obstacles)
+    const int32_t *obstacle_pair;  // pair of a body and an obstacle, -1: none; shape (bodies, obstacles)
     // Blocks of obstacles and of groups, group after group: those of group g are entries `first_obstacle_block[g]` to
     // `first_obstacle_block[g + 1] - 1`; likewise for groups.
     const NearBlock *obstacle_blocks;

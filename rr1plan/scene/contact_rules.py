@@ -7,6 +7,7 @@ and `Scene.padding_of` evaluate the rules for a single pair; the tables here con
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from operator import itemgetter
@@ -93,6 +94,16 @@ class ContactRules:
         if self._content.near_pairs is not None:
             checked &= self._are_near(self._content.near_pairs)
         return read_only(np.ascontiguousarray(np.argwhere(np.triu(checked, 1))))
+
+    def with_checked(self, checked: Indices) -> ContactRules:
+        """These rules with fewer checked pairs.
+
+        Args:
+            checked: Some rows of `checked`.
+        """
+        other = copy(self)
+        other.__dict__["checked"] = read_only(checked)
+        return other
 
     def paddings(self, general: float, special: Mapping[_Names, float]) -> Array:
         """Padding of each checked pair [m], shape (m,).

@@ -32,7 +32,7 @@ HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0
 def forget() -> None:
     # All else is kept by these.
     arms = _arm_model, arm_geometry._arm_geometry, arm_geometry.arm_instances
-    pairs = collision_geometry._layout, collision_geometry._solid_pairs, rules_of
+    pairs = collision_geometry._layout, collision_geometry._large_layout, rules_of
     for kept in (*arms, body_tables.body_core, *pairs):
         kept.cache_clear()
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_geometry import arm_geometry
 from rr1plan.collision.reach_broad_phase import near_balls, reach_ball
 from rr1plan.robot import Geometry, Joint, Link, Robot
@@ -147,3 +148,22 @@ def test_near_balls_are_all_pairs_within_the_distance(seed):
     expected = [(i, j) for i in range(60) for j in range(i + 1, 60) if gaps[i, j] <= distance]
     assert list(map(tuple, near_balls(balls, distance).tolist())) == expected
     assert near_balls(np.zeros((0, 4)), 0.1).shape == (0, 2)
+
+
+def test_links_out_of_reach_are_omitted_and_stay_apart(rr1: Robot) -> None:
+    arms = {f"a{i}": Arm(rr1, pose([1.3 * i, 0.0, 0.0])) for i in range(3)}
+    checker = CollisionChecker(Scene(arms))
+    whole = checker.complete()
+    pairs = set(checker.pairs)
+    assert pairs < set(whole.pairs)
+    assert not any({a, b} >= {"a0/base_link", "a1/base_link"} for a, b in pairs)
+    assert any({a, b} >= {"a0/hand_link", "a1/hand_link"} for a, b in pairs)
+    omitted = [i for i, both in enumerate(whole.pairs) if both not in pairs]
+    least = checker.geometry.least_gap
+    assert checker.distance < least < 0.2
+    rng = np.random.default_rng(3)
+    for q in rng.uniform(checker.limits.lower, checker.limits.upper, (40, checker.nq)):
+        assert whole.distances(q)[omitted].min() >= least
+        assert checker.clearance(q) == pytest.approx(whole.clearance(q), abs=1e-9)
+        assert checker.is_free(q) == whole.is_free(q)
+    assert checker.nearest(checker.scene.configuration()).pair == whole.nearest(whole.scene.configuration()).pair

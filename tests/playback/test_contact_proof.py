@@ -549,7 +549,7 @@ def test_who_takes_the_model_may_change_it(rr1: Robot) -> None:
     model, proof = sim.model, sim.tiles[0].proof
     assert proof is None
     assert not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    model.geom_pos[tile.world.geom_elements.index("floor"), 2] = 0.3
+    model.body("floor").pos[2] = 0.3
     sim.step(1)
     assert {pair for contact in sim.contacts for pair in contact.pair} >= {"floor", "a0/upper_arm_link"}
 

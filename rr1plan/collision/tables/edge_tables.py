@@ -71,7 +71,7 @@ class PaddedPairs:
         kept: Values derived from them.
     """
 
-    pair_of: _INTS
+    pair_of: NDArray[np.int32]
     obstacle_blocks: _INTS
     first_obstacle_block: _INTS
     group_blocks: _INTS
@@ -278,7 +278,7 @@ class _KernelPairs:
     body_pairs: _INTS
     group_pairs: _INTS
     solids: _INTS
-    pair_of: _INTS
+    pair_of: NDArray[np.int32]
     obstacle_blocks: tuple[_INTS, _INTS]
     group_blocks: tuple[_INTS, _INTS]
     obstacle_rows: _INTS
@@ -298,7 +298,7 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     columns = obstacles + -obstacles % LANES
     bodies, groups = len(spheres.bodies), len(spheres.groups)
     # Allocated for the largest possible number; unused memory is never touched.
-    pair_of, room = np.empty((bodies, columns), np.int64), np.empty((count, 4), np.int64)
+    pair_of, room = np.empty((bodies, columns), np.int32), np.empty((count, 4), np.int64)
     body_pairs, solids, group_pairs = (np.empty((count, width), np.int64) for width in (8, 2, 6))
     obstacle_blocks = np.empty((min(count, groups * columns // LANES), 3), np.int64)
     group_blocks, counts = np.empty((count, 3), np.int64), np.empty(3, np.int64)
