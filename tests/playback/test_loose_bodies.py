@@ -62,6 +62,15 @@ def test_a_body_that_is_too_fast_for_the_steps_is_named(shape: rp.Shape) -> None
         assert sim.warnings == ()
 
 
+def test_a_heavy_body_that_sinks_into_a_light_one_is_named() -> None:
+    light = FLOOR.with_obstacle("light", rp.Box((0.1, 0.1, 0.1)), [0.0, 0.0, 0.05], mass=0.1)
+    for mass, sinks in ((1.0, False), (200.0, True)):
+        sim = rp.Simulation(light.with_obstacle("heavy", rp.Box((0.1, 0.1, 0.1)), [0.0, 0.0, 0.15], mass=mass))
+        sim.run(duration=0.3)
+        assert (sim.body_pose("heavy")[2, 3] < 0.14) == sinks
+        assert any("'heavy' and 'light' overlap by 1" in said for said in sim.warnings) == sinks
+
+
 def test_contacts_are_harder_in_shorter_steps() -> None:
     """A flat box from 1 m: it used to penetrate by its thickness in short steps as well, and to fall through."""
     scene = PLATE.with_obstacle("body", rp.Box((0.1, 0.1, 0.01)), [0.0, 0.0, 1.0], mass=0.1)

@@ -339,3 +339,14 @@ def test_too_many_triangles_are_refused_by_the_replay_with_what_to_try(
     monkeypatch.setattr(mujoco_geoms, "_MOST_PLATES", 10)
     with pytest.raises(InputError, match="12 triangles is not convex"):
         build_mujoco(rp.Scene().with_arm("arm", rr1).with_obstacle("mesh", soup(12), [3.0, 0.0, 0.0]))
+
+
+def test_an_arm_that_its_servos_cannot_hold_is_named(rr1: rp.Robot) -> None:
+    for effort, sags in ((2.0, True), (200.0, False)):
+        limits = replace(rr1.limits, effort=np.full(rr1.nq, effort))
+        sim = rp.Simulation(rp.Scene({"arm": rp.Arm(replace(rr1, limits=limits))}))
+        assert sim.warnings == ()
+        sim.run(duration=0.5)
+        said = "the servo of 'arm/upper_arm_joint' is at its effort limit of 2"
+        assert any(said in warning for warning in sim.warnings) == sags
+        assert sags or sim.warnings == ()

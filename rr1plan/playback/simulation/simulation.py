@@ -61,6 +61,9 @@ LONGEST_STEP = 1.0  # [s]
 # Largest number of steps in one call; more would take hours, and their replay more memory than there is.
 _MOST_STEPS = 5_000_000
 
+# Largest distance of a joint from its set-point while its servo holds it [rad or m].
+_OFF = 0.01
+
 StepCallback = Callable[["Simulation"], bool | None]
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
@@ -262,8 +265,35 @@ class Simulation:
     @property
     @exclusive
     def warnings(self) -> tuple[str, ...]:
-        """MuJoCo's warnings, each once, and loose bodies too fast for the time step: they may pass through others."""
-        return (*dict.fromkeys(f"MuJoCo: {text}" for text in self._model.warnings), *self._contacts.passages())
+        """Differences from reality: of the steps since the beginning, and of the present state.
+
+        Since the beginning: MuJoCo's warnings, each once, and loose bodies too fast for the time step, which may pass
+        through others. At present: loose bodies that are deep in another one or in an obstacle, and overloaded servos,
+        whose effort is at the limit of the description and whose joint is more than 0.01 rad or m from the set-point:
+        the arm sags, or pushes.
+        """
+        said = dict.fromkeys(f"MuJoCo: {text}" for text in self._model.warnings)
+        return (*said, *self._contacts.passages(), *self._overlaps(), *self._overloads())
+
+    def _overlaps(self) -> tuple[str, ...]:
+        """The loose bodies that are deep in others at present, in words."""
+        depths = {pair: depth for tile in self.tiles for pair, depth in tile.deep_contacts().items()}
+        return tuple(
+            f"{a!r} and {b!r} overlap by {1e3 * depth:.3g} mm: contacts of heavy bodies on light ones are soft; take a "
+            "smaller time step, or masses that are closer"
+            for (a, b), depth in depths.items()
+        )
+
+    def _overloads(self) -> tuple[str, ...]:
+        """The servos that cannot hold their joints at present, in words."""
+        off = np.abs(self._set_points.desired[0] - self._now.positions)
+        limits = self._joints.effort
+        over = (off > _OFF) & (np.abs(self._now.efforts) >= limits * (1.0 - 1e-9)) & np.isfinite(limits)
+        return tuple(
+            f"the servo of {self.joint_names[i]!r} is at its effort limit of {limits[i]:g}, {off[i]:.3g} rad or m from "
+            "its set-point: check masses and effort limits of the description, and what the arm pushes against"
+            for i in np.flatnonzero(over)
+        )
 
     @property
     def real_time_factor(self) -> float:
@@ -273,7 +303,9 @@ class Simulation:
     @property
     @exclusive
     def model(self) -> mujoco.MjModel:
-        """MuJoCo's model, which may be changed between steps.
+        """MuJoCo's model, which may be changed between steps; move obstacles by their bodies.
+
+        MuJoCo does not find contacts of shapes that have been moved out of the box of their body (`geom_pos`).
 
         From then on steps of many arms take longer: MuJoCo searches for contacts in every step, because proofs that
         there are none only hold for the unchanged model.

@@ -32,6 +32,8 @@ _UNSTABLE = np.array(
 # Number of loose bodies below which several threads are slower, and number of arms below which the search for contacts
 # takes less time than the tables for a proof that there are none.
 _A_HEAP, _MANY_ARMS = 50, 4
+# A contact is deep if its depth exceeds this part of the radius of the smaller shape.
+_DEEP = 0.075
 # Largest positions for which the kernels compute steps [rad or m], and number of steps per call without a proof.
 _FARTHEST, _AT_ONCE = 1e3, 32
 # Stages to omit where contact is impossible; arms have no springs or dampers, which MuJoCo would check in each step.
@@ -397,3 +399,14 @@ class Tile:
             log.add_passages(self._fast_bodies.passages(self._mujoco.model, data), time)
         if not self.proven and data.ncon and data.contact.dist.min() <= 0.0:
             log.add(self.world, data, time)
+
+    def deep_contacts(self) -> dict[tuple[str, str], float]:
+        """Depth of the present contacts of loose bodies that are deep for the size of the shapes [m], by elements."""
+        data, radii, found = self._mujoco.data, self.world.model.geom_rbound, dict[tuple[str, str], float]()
+        contacts = zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True) if self.bodies else ()
+        for geoms, distance in contacts:
+            least = min(radius for radius in radii[geoms].tolist() if radius > 0.0)  # 0: a plane
+            one, two = sorted(self.world.geom_elements[geom] for geom in geoms)
+            if not {one, two}.isdisjoint(self.bodies) and -distance > _DEEP * least:
+                found[one, two] = max(-distance, found.get((one, two), 0.0))
+        return found
