@@ -512,6 +512,9 @@ class Simulation:
     def step(self, count: int = 1) -> None:
         """Take steps as fast as possible, fewer if a callback pauses the simulation.
 
+        Ctrl-C in a loop of single steps may end one in its middle, after which controllers are a step ahead of the
+        joints; `run` with `on_step` callbacks holds it back until the step is complete.
+
         Raises:
             InputError: a count below one, or a call from a callback or controller of this simulation.
             ControllerError: a controller raised something or returned no set-points; nothing has moved in that step.
