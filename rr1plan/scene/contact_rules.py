@@ -7,7 +7,6 @@ and `Scene.padding_of` evaluate the rules for a single pair; the tables here con
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from operator import itemgetter
@@ -51,14 +50,15 @@ class ContactRules:
 
     Args:
         content: Content of the rules.
+        checked: Some of the pairs that must not touch, shape (m, 2) (default: all).
 
     Attributes:
         names: All elements: links of the arms, obstacles, attached objects.
         obstacles: Indices of the obstacles in `names`.
     """
 
-    def __init__(self, content: RuleContent) -> None:
-        self._content = content
+    def __init__(self, content: RuleContent, checked: Indices | None = None) -> None:
+        self._content, self._given = content, checked
         links = [(f"{arm}/{link}", arm) for arm, _, links, _ in content.arms for link in links]
         named = [
             *links,
@@ -78,6 +78,8 @@ class ContactRules:
     @cached_property
     def checked(self) -> Indices:
         """The pairs that must not touch, by ascending indices, shape (m, 2)."""
+        if self._given is not None:
+            return read_only(self._given)
         index = self._index
         checked = np.ones((self._count, self._count), dtype=np.bool_)
         # Names of elements without a shape are skipped.
@@ -101,9 +103,7 @@ class ContactRules:
         Args:
             checked: Some rows of `checked`.
         """
-        other = copy(self)
-        other.__dict__["checked"] = read_only(checked)
-        return other
+        return ContactRules(self._content, checked)
 
     def paddings(self, general: float, special: Mapping[_Names, float]) -> Array:
         """Padding of each checked pair [m], shape (m,).

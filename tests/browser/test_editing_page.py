@@ -432,7 +432,7 @@ def test_start_and_goal_by_hand(calm: Any, problem: rp.Problem) -> None:
     checker = rp.CollisionChecker(problem.scene)
     low, high = np.array(calm.ask("RR1.limits")).T
     free = [q for q in np.random.default_rng(8).uniform(low, high, (400, len(low))) if checker.is_free(q)][:2]
-    for q, key in zip(free, "ab", strict=True):
+    for q, key in zip(free, "az", strict=True):
         calm.ask("q => RR1.editing.setQ(Float64Array.from(q))", q.tolist())
         calm.page.keyboard.press(key)
     ghosts = calm.ask("RR1.world.still.map(({ kind, poses }) => [kind, Array.from(poses)])")

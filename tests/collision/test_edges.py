@@ -181,7 +181,7 @@ def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):
     motion = checker
     q = np.array([0, 0.5, 0.0])
     assert not motion.edge_is_free(q, q + np.array([0, 2 * np.pi, 0]))
-    for far in (3.0, 30.0, 1e4, 1e7):
+    for far in (3.0, 30.0, 1e4):
         for q0, q1 in edges(3, far, 40, 15):
             assert motion.edge_is_free(q0, q1) == motion.edge_is_free_slowly(q0, q1)
 

@@ -23,6 +23,7 @@ class JointMap:
     Attributes:
         names: "arm/joint" of each, in the order of the arms and of their descriptions.
         index: Index of each name.
+        slides: Whether each is prismatic.
         followers: For each mimicking joint, the independent joint that it follows.
         lower, upper: Position limits [rad or m], shape (n,).
         velocity: Highest speeds [rad/s or m/s], shape (n,).
@@ -34,6 +35,7 @@ class JointMap:
         movable = [(a, j) for a, arm in scene.arms.items() for j in arm.robot.limited_joints if j.kind != "fixed"]
         self.names = tuple(f"{a}/{j.name}" for a, j in movable)
         self.index = {name: i for i, name in enumerate(self.names)}
+        self.slides = tuple(j.kind == "prismatic" for _, j in movable)
         self.lower = np.array([j.lower for _, j in movable])
         self.upper = np.array([j.upper for _, j in movable])
         self.velocity = np.array([j.velocity for _, j in movable])

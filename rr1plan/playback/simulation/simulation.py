@@ -287,11 +287,12 @@ class Simulation:
     def _overloads(self) -> tuple[str, ...]:
         """The servos that cannot hold their joints at present, in words."""
         off = np.abs(self._set_points.desired[0] - self._now.positions)
-        limits = self._joints.effort
+        limits, units = self._joints.effort, [("N", "m") if slides else ("Nm", "rad") for slides in self._joints.slides]
         over = (off > _OFF) & (np.abs(self._now.efforts) >= limits * (1.0 - 1e-9)) & np.isfinite(limits)
         return tuple(
-            f"the servo of {self.joint_names[i]!r} is at its effort limit of {limits[i]:g}, {off[i]:.3g} rad or m from "
-            "its set-point: check masses and effort limits of the description, and what the arm pushes against"
+            f"the servo of {self.joint_names[i]!r} is at its effort limit of {limits[i]:g} {units[i][0]}, "
+            f"{off[i]:.3g} {units[i][1]} from its set-point: check masses and effort limits of the description, and "
+            "what the arm pushes against"
             for i in np.flatnonzero(over)
         )
 
