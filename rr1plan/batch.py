@@ -361,7 +361,7 @@ def _submit(
     except RuntimeError as error:  # it is shut down
         why = Raised(type(error).__name__, f"the executor accepted no more tasks: {error}")
         return None, [_Lost(task, why) for task in chunk]
-    except Exception as error:  # it pickles here, or has errors of its own
+    except Exception as error:  # it pickles here, or raises others
         _divide(chunk, chunks, board, error)
         return None, []
     if not isinstance(future, Future):

@@ -119,6 +119,7 @@ class PlanningLesson(Lesson):
                 "unit": self.unit,
                 "variants": [_row(variant, kinematics) for variant in self.variants],
             },
+            ("walk.js",),
         )
         return document, (space, search)
 

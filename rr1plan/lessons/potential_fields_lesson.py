@@ -84,7 +84,7 @@ class PotentialFieldsLesson(Lesson):
             "usual": [GAIN, REACH],
             "unit": length_unit(self.picture.grid.turns),
         }
-        return document, (space, lesson_panel("potential", "Potential field", data))
+        return document, (space, lesson_panel("potential", "Potential field", data, ("walk.js",)))
 
     # ---- the figure ----------------------------------------------------------------------
 

@@ -118,7 +118,7 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
         raise top.error("holds a sequence, not a scene; read it with load_segments", "segments")
     folder = Path(file).absolute().parent
     scene = Scene(name=top.string("name", text_stem(file)), description=top.string("description", ""))
-    top.finish(*_CONTENT)  # first, because a misspelt [arms.NAME] makes names in the rules unknown
+    top.finish(*_CONTENT)  # first, because a misspelled [arms.NAME] makes names in the rules unknown
     arms = _read_arms(top.table("arms"), folder, load_robot)
     with top.blame("arms"):
         scene = replace(scene, arms=arms)

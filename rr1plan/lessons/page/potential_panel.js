@@ -10,8 +10,9 @@ const PATH = "#d55e00", TITLES = { attraction: "Attraction", repulsion: "Repulsi
 const LOW = [33, 61, 112], HIGH = [250, 232, 150], BANDS = 16;
 const part = (selector) => root.querySelector(selector);
 
-class PotentialField {
+class PotentialField extends Walk {
   constructor() {
+    super();
     this.space = viewer.lesson;
     this.at = 0;
     this.mode = "attraction";
@@ -68,29 +69,10 @@ class PotentialField {
 
   get length() { return this.way.length - 1; }
 
-  play() {
-    if (this.playing) { this.stop(); return; }
-    if (this.at >= this.length) this.go(0);
-    if (reducedMotion()) { this.go(this.length); return; }
-    const from = this.at, began = performance.now(), rate = Math.max(12, this.length / 4);
-    const frame = (now) => {
-      this.go(Math.min(this.length, from + Math.max(0, Math.floor((rate * (now - began)) / 1000))));
-      if (this.at < this.length) this.playing = requestAnimationFrame(frame); else this.stop();
-    };
-    part(".play").textContent = "Pause";
-    this.playing = requestAnimationFrame(frame);
-  }
+  /** Cells per second: the whole way in four seconds, or less. */
+  get rate() { return Math.max(12, this.length / 4); }
 
-  stop() {
-    cancelAnimationFrame(this.playing);
-    this.playing = 0;
-    part(".play").textContent = "Descend";
-  }
-
-  walk(move) {
-    this.stop();
-    this.go(Math.min(Math.max(this.at + move, 0), this.length));
-  }
+  get verb() { return "Descend"; }
 
   go(k) {
     this.at = k;

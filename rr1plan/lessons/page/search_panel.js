@@ -11,8 +11,9 @@ const [SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED] = data.kinds.map(
 const rough = (number) => (number >= 10000 ? `${Math.round(number / 1000)}k` : `${number}`);
 const part = (selector) => root.querySelector(selector);
 
-class Search {
+class Search extends Walk {
   constructor() {
+    super();
     this.space = viewer.lesson;
     this.planners = Object.keys(data.colors);
     this.records = data.variants.map((row) => ({ ...row, ...unpacked(row) }));
@@ -83,29 +84,7 @@ class Search {
   /** Steps per second: all of them in nine seconds, or less. */
   get rate() { return Math.max(12, this.length / 9); }
 
-  play() {
-    if (this.playing) { this.stop(); return; }
-    if (this.at >= this.length) this.go(0);
-    if (reducedMotion()) { this.go(this.length); return; }
-    const from = this.at, { rate } = this, began = performance.now();
-    const frame = (now) => {
-      this.go(Math.min(this.length, from + Math.max(0, Math.floor((rate * (now - began)) / 1000))));
-      if (this.at < this.length) this.playing = requestAnimationFrame(frame); else this.stop();
-    };
-    part(".play").textContent = "Pause";
-    this.playing = requestAnimationFrame(frame);
-  }
-
-  stop() {
-    cancelAnimationFrame(this.playing);
-    this.playing = 0;
-    part(".play").textContent = "Grow";
-  }
-
-  walk(move) {
-    this.stop();
-    this.go(Math.min(Math.max(this.at + move, 0), this.length));
-  }
+  get verb() { return "Grow"; }
 
   // ---- the state after k steps ----------------------------------------------------------------
 
