@@ -24,7 +24,7 @@ from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.planning import Budget, PlanStatus
+from rr1plan.planning import Budget, PlanStatus, Progress
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Geometry, Joint, Link
 from rr1plan.transforms import pose
@@ -298,16 +298,15 @@ def _sealed(planar2r: rp.Robot) -> rp.Problem:
 
 def test_a_first_path_that_runs_out_of_time_was_not_cancelled(planar2r: rp.Robot) -> None:
     class Late(Stopwatch):
-        """A clock whose end the planner can only detect by its progress callback."""
+        """A clock whose end only the planner detects, by its progress callback."""
 
-        @property
-        def time_left(self) -> float:
-            return 60.0
+        def let_planner_go_on(self, _: Progress) -> bool:
+            return False
 
     agent = Agent(_sealed(planar2r), ["left"])
-    path, reason = PathPool(agent, 0.0, np.random.default_rng(0), Late(0.2)).add({}, patient=True)
+    path, reason = PathPool(agent, 0.0, np.random.default_rng(0), Late(60.0)).add({}, patient=True)
     assert path is None
-    assert reason.startswith("no path found in 0.")
+    assert reason.startswith("no path found in ")
 
 
 def test_ends_near_contact_leave_a_margin_that_the_referee_can_tell_from_contact(planar2r: rp.Robot) -> None:
