@@ -10,12 +10,13 @@ import os
 from collections.abc import Callable
 from functools import cached_property, wraps
 from typing import Any, Self, TypeVar, cast, overload
-from weakref import WeakKeyDictionary
+from weakref import ref
 
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 _T = TypeVar("_T")
-# For each object or module, how to create the attributes that belong to the threads of one process.
-_factories: WeakKeyDictionary[Any, dict[str, Callable[[], Any]]] = WeakKeyDictionary()
+# For each object or module, how to create the attributes that belong to the threads of one process. Not a
+# `WeakKeyDictionary`, whose entries are removed by Python code, in which Python drops a Ctrl-C.
+_factories: dict[ref[Any], dict[str, Callable[[], Any]]] = {}
 
 
 def per_process(owner: Any, attribute: str, create: Callable[[], _T]) -> _T:
@@ -26,12 +27,15 @@ def per_process(owner: Any, attribute: str, create: Callable[[], _T]) -> _T:
         attribute: Name of its attribute, to which the caller assigns the value.
         create: Creates a value, without referring to the owner.
     """
-    _factories.setdefault(owner, {})[attribute] = create
+    _factories.setdefault(ref(owner, _factories.pop), {})[attribute] = create
     return create()
 
 
 def _renew() -> None:
-    for owner, factories in list(_factories.items()):
+    for reference, factories in _factories.copy().items():
+        owner = reference()
+        if owner is None:
+            continue
         for attribute, create in factories.items():
             setattr(owner, attribute, create())
 
