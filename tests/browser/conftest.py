@@ -63,6 +63,13 @@ class Tab:
         page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
         page.on("dialog", lambda d: (self.complaints.append(f"dialog {d.message}"), d.dismiss()))
 
+    def resize(self, width: int, height: int) -> None:
+        """Give the window a size [px] and wait until an open page is laid out in it."""
+        self.page.set_viewport_size({"width": width, "height": height})
+        wait_until(self.page, f"innerWidth === {width} && innerHeight === {height}")
+        if self.ask(_READY):
+            self.next_frames()
+
     def disable_webgl(self) -> None:
         """Disable WebGL for pages that are opened later."""
         self.page.add_init_script(NO_WEBGL)

@@ -41,7 +41,7 @@ def page_file(lesson: rp.CSpace, tmp_path_factory: pytest.TempPathFactory) -> Fi
 
 @pytest.fixture(scope="module")
 def opened(shared_tab: Any, page_file: FilePath) -> Any:
-    shared_tab.page.set_viewport_size({"width": 1280, "height": 720})
+    shared_tab.resize(1280, 720)
     shared_tab.open(page_file, READY)
     return shared_tab
 
@@ -315,7 +315,7 @@ def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path:
     problem = load_problems("planar2r_no_path")["no_way"]
     picture = rp.cspace(problem.scene, problem, resolution=CELLS)
     file = picture.save_html(tmp_path / "none.html", options=rp.ViewOptions(title="<b>no & way</b>"))
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.resize(1280, 720)
     tab.open(file, READY)
     said = tab.page.locator(".verdict").inner_text()
     assert said.startswith("No path exists")
@@ -435,7 +435,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
 def test_both_pictures_are_large_in_a_small_window(
     tab: Any, page_file: FilePath, width: int, height: int, radius: int
 ) -> None:
-    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.resize(width, height)
     tab.open(page_file, READY)
     base, reach = (in_view(tab, [x, 0.0, 0.0]) for x in (0.0, 1.7))
     assert reach[0] - base[0] > radius
@@ -491,7 +491,7 @@ def test_without_a_path_the_arm_stands_at_the_start_and_both_ends_are_seen(tab: 
     )
     scene = rp.Scene().with_arm("arm", robot).with_obstacle("wall", rp.Box((0.1, 3.0, 0.4)))
     picture = rp.cspace(scene, rp.Problem(scene, [-0.8, -0.5], [0.8, 0.5]), resolution=24)
-    tab.page.set_viewport_size({"width": 1280, "height": 800})
+    tab.resize(1280, 800)
     tab.open(picture.save_html(tmp_path / "page.html"), READY)
     np.testing.assert_allclose(shown(tab), [-0.8, -0.5])
     assert tab.page.locator("#panel-cspace .state").inner_text() == "free"
@@ -537,7 +537,7 @@ def test_names_are_whole_in_the_picture(
     tab: Any, rr1_table: rp.Scene, tmp_path: FilePath, width: int, height: int
 ) -> None:
     picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=40)
-    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.resize(width, height)
     tab.open(picture.save_html(tmp_path / "slice.html"), READY)
     texts, plot = written(tab)
     names = [box for text, box in texts.items() if text in picture.grid.layers]
@@ -549,7 +549,7 @@ def test_names_are_whole_in_the_picture(
 def test_goals_are_not_written_over_names(tab: Any, tmp_path: FilePath, width: int, height: int) -> None:
     problem = load_problems("planar2r_path")["to_a_point"]
     picture = rp.cspace(problem.scene, problem, resolution=CELLS)
-    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.resize(width, height)
     tab.open(picture.save_html(tmp_path / "point.html"), READY)
     texts, plot = written(tab)
     assert {"goal, IK 1", "goal, IK 2", "start", "green"} <= set(texts)
@@ -580,7 +580,7 @@ def test_of_names_that_overlap_the_first_one_is_shown(tab: Any, tmp_path: FilePa
     scene = rp.Scene(name="crowded").with_arm("arm", rp.planar_arm("RR"))
     for name, place in {"one": [1.2, 0.0, 0.0], "two": [1.2, 0.08, 0.0], "three": [-1.2, 0.0, 0.0]}.items():
         scene = scene.with_obstacle(name, rp.Sphere(0.05), place)
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.resize(1280, 720)
     tab.open(rp.cspace(scene, resolution=CELLS).save_html(tmp_path / "crowded.html"), READY)
     names = "[...RR1.lesson.arm.tags].filter(([, { tag }]) => tag.visible).map(([name]) => name)"
     tab.next_frames()

@@ -648,13 +648,13 @@ def test_all_texts_have_contrast(calm: Any) -> None:
 
 def test_the_name_of_the_tool_stands_apart_from_its_position_on_a_phone(calm: Any) -> None:
     size = calm.page.viewport_size
-    calm.page.set_viewport_size({"width": 390, "height": 844})
+    calm.resize(390, 844)
     calm.ask("RR1.editing.open()")
     frames(calm)
     assert calm.page.inner_text("#readout").count("°") == 3
     name, place = calm.ask("[...document.querySelectorAll('#readout > *')].map((e) => e.getBoundingClientRect())")[:2]
     assert name["right"] + 6.0 < place["left"]
-    calm.page.set_viewport_size(size)
+    calm.resize(**size)
 
 
 def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm: Any) -> None:
@@ -667,7 +667,7 @@ def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm:
         }));
     }"""
     for width, height in ((844, 390), (390, 844)):
-        calm.page.set_viewport_size({"width": width, "height": height})
+        calm.resize(width, height)
         calm.ask("RR1.look(), RR1.editing.isOpen && RR1.editing.toggle(), RR1.plots.toggle()")
         calm.page.keyboard.press("m")
         frames(calm)
@@ -678,7 +678,7 @@ def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm:
         calm.page.keyboard.press("m")
         assert calm.page.locator("#plots").is_visible()
         calm.ask("RR1.plots.toggle()")
-    calm.page.set_viewport_size(size)
+    calm.resize(**size)
 
 
 def test_the_picture_stays_under_the_pointer_when_the_window_changes_during_a_drag(calm: Any) -> None:
@@ -691,13 +691,11 @@ def test_the_picture_stays_under_the_pointer_when_the_window_changes_during_a_dr
     frames(calm)
     camera = "RR1.stage.camera.position.toArray()"
     before = calm.ask(camera)
-    calm.page.set_viewport_size({"width": size["width"] // 2, "height": size["height"]})
-    wait_until(calm.page, f"innerWidth === {size['width'] // 2}")
+    calm.resize(size["width"] // 2, size["height"])
     frames(calm)
     assert calm.ask(camera) == before
     calm.page.mouse.up()
-    calm.page.set_viewport_size(size)
-    wait_until(calm.page, f"innerWidth === {size['width']}")
+    calm.resize(**size)
 
 
 def test_the_report_ends_above_the_card_of_edits(calm: Any) -> None:

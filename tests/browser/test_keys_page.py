@@ -54,7 +54,7 @@ def test_text_fields_sliders_and_buttons_keep_their_keys(calm: Any) -> None:
     add(calm, "arrow", keys='["ArrowRight", " "]')
     calm.page.focus("#panel-own input")
     calm.page.keyboard.press("u")
-    calm.page.set_viewport_size({"width": 1400, "height": 640})  # wide enough for the sliders beside the panel
+    calm.resize(1400, 640)  # wide enough for the sliders beside the panel
     calm.page.focus("#joint-0")
     calm.page.keyboard.press("ArrowRight")
     calm.page.keyboard.press("u")

@@ -125,7 +125,7 @@ def test_arms_that_turn_and_slide_are_dragged_by_the_tool(kinds: str, tab: Any, 
 
 
 def test_the_numbers_cover_no_obstacle_on_a_projector(tab: Any, tmp_path: Path) -> None:
-    tab.page.set_viewport_size({"width": 1024, "height": 768})
+    tab.resize(1024, 768)
     tab.open(rp.lesson("workspace").save_html(tmp_path / "a.html"), READY)
     wait_until(tab.page, "RR1.frames > 2")
     tops = tab.ask("""() => {

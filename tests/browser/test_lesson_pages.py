@@ -29,7 +29,7 @@ def page_file(lesson: rp.Lesson, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="module")
 def opened(shared_tab: Any, page_file: Path) -> Any:
-    shared_tab.page.set_viewport_size({"width": 1280, "height": 720})
+    shared_tab.resize(1280, 720)
     shared_tab.open(page_file, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
     return shared_tab
 
@@ -37,7 +37,7 @@ def opened(shared_tab: Any, page_file: Path) -> Any:
 @pytest.fixture
 def page(opened: Any) -> Iterator[Any]:
     """The page at its first step."""
-    opened.page.set_viewport_size({"width": 1280, "height": 720})
+    opened.resize(1280, 720)
     opened.ask("document.activeElement.blur(), RR1.pause(), RR1.steps.go(1), RR1.steps.go(0)")
     yield opened
     assert opened.complaints == []
@@ -182,8 +182,7 @@ def test_moving_a_joint_moves_the_arm_in_every_step(page: Any, lesson: rp.Lesson
 
 @pytest.mark.parametrize("size", [(1440, 900), (800, 600), (390, 844)], ids=lambda s: f"{s[0]}x{s[1]}")
 def test_workspace_steps_and_panels_fit_in_the_window(page: Any, size: tuple[int, int]) -> None:
-    page.page.set_viewport_size({"width": size[0], "height": size[1]})
-    wait_until(page.page, f"innerWidth === {size[0]}")
+    page.resize(size[0], size[1])
     page.next_frames()
     boxes = page.ask(
         "['stage', 'panel-steps', 'panels'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
@@ -201,8 +200,7 @@ def test_workspace_steps_and_panels_fit_in_the_window(page: Any, size: tuple[int
 
 @pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
 def test_steps_beside_two_pictures_leave_no_empty_area(page: Any) -> None:
-    page.page.set_viewport_size({"width": 1024, "height": 768})
-    wait_until(page.page, "innerWidth === 1024")
+    page.resize(1024, 768)
     page.next_frames()
     card, steps = page.ask(
         "['panel-pair', 'panel-steps'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"

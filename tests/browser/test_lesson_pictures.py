@@ -56,7 +56,7 @@ def page(
     lesson, file = files[name]
     if name not in tabs:
         tab = tabs[name]
-        tab.page.set_viewport_size({"width": 1440, "height": 900})
+        tab.resize(1440, 900)
         tab.open(file, READY)
         if name != "continuous_checking":
             wait_until(tab.page, "Boolean(RR1.planner)")
@@ -125,7 +125,7 @@ def test_fixed_steps_find_what_the_text_says(page: tuple[Any, Any]) -> None:
 @pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
 def test_the_region_of_a_proven_interval_is_in_view(page: tuple[Any, Any]) -> None:
     tab, _ = page
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.resize(1280, 720)
     tab.ask("RR1.steps.go(2)")
     tab.next_frames()
     off = tab.ask(
@@ -137,7 +137,7 @@ def test_the_region_of_a_proven_interval_is_in_view(page: tuple[Any, Any]) -> No
             return spots.filter(({ x, y }) => x < 0 || x > wide || y < 0 || y > high).length;
         }"""
     )
-    tab.page.set_viewport_size({"width": 1440, "height": 900})
+    tab.resize(1440, 900)
     assert off == 0
 
 

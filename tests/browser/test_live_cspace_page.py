@@ -45,7 +45,7 @@ def page_file(problem: rp.Problem, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture(scope="module")
 def opened(shared_tab: Any, page_file: FilePath) -> Any:
-    shared_tab.page.set_viewport_size({"width": 1280, "height": 720})
+    shared_tab.resize(1280, 720)
     shared_tab.open(page_file, LIVE)
     return shared_tab
 
@@ -402,7 +402,7 @@ def test_the_phase_plane_covers_neither_plots_nor_the_reach(fresh: Any) -> None:
 
 @pytest.mark.drawn
 def test_the_torus_shows_the_image_and_a_click_moves_the_arm(tab: Any, page_file: FilePath) -> None:
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.resize(1280, 720)
     tab.open(page_file, LIVE)
     tab.page.keyboard.press("d")
     wait_until(tab.page, "Boolean(RR1.lesson.torus && !RR1.lesson.torus.asked)")
@@ -445,7 +445,7 @@ def test_the_numbers_cover_neither_the_badge_nor_the_reach(fresh: Any) -> None:
 
 def test_without_simd_the_page_says_so_and_plays_as_before(tab: Any, page_file: FilePath) -> None:
     tab.page.add_init_script("WebAssembly.validate = () => false")
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.resize(1280, 720)
     tab.open(page_file, READY)
     wait_until(tab.page, "!document.querySelector('.fixed').hidden")
     assert tab.page.locator(".fixed").inner_text() == (
@@ -476,7 +476,7 @@ def test_a_page_without_a_planner_is_as_before(tab: Any, problem: rp.Problem, tm
 
 
 def test_the_picture_stays_under_a_finger_while_the_verdict_gets_longer(tab: Any, page_file: FilePath) -> None:
-    tab.page.set_viewport_size({"width": 412, "height": 915})
+    tab.resize(412, 915)
     tab.open(page_file, LIVE)
     begin = on_canvas(tab, tab.ask("RR1.lesson.live.goals[0]"))
     aim = [1.9, -2.2]

@@ -55,7 +55,7 @@ def test_the_phase_plane_is_that_of_python(
 
 @pytest.mark.parametrize("mode", ["plane", "blend", "phases", "cost"])
 def test_no_words_of_a_chart_overlap_in_a_small_window(page: Any, mode: str) -> None:
-    page.page.set_viewport_size({"width": 1280, "height": 720})
+    page.resize(1280, 720)
     boxes = page.ask(
         """(mode) => {
             const usual = CanvasRenderingContext2D.prototype.fillText, rows = [];
@@ -71,7 +71,7 @@ def test_no_words_of_a_chart_overlap_in_a_small_window(page: Any, mode: str) -> 
         }""",
         mode,
     )
-    page.page.set_viewport_size({"width": 960, "height": 640})
+    page.resize(960, 640)
     left, top, right, bottom = np.array(boxes).T
     across = np.minimum(right[:, None], right) - np.maximum(left[:, None], left)
     along = np.minimum(bottom[:, None], bottom) - np.maximum(top[:, None], top)
@@ -153,7 +153,7 @@ def test_rejected_shortcuts_are_told_from_those_that_are_taken(page: Any, lesson
 
 
 def test_the_legend_of_the_cost_covers_no_other_text(tab: Any, page_file: Path) -> None:
-    tab.page.set_viewport_size({"width": 1024, "height": 768})
+    tab.resize(1024, 768)
     tab.page.add_init_script("""
         const usual = CanvasRenderingContext2D.prototype.fillText;
         window.texts = [];

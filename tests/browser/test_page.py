@@ -223,9 +223,9 @@ def test_a_browser_that_darkens_pages_leaves_the_paper_under_drawings(calm: Any)
 
 
 def test_a_finger_can_set_the_time_on_a_phone(calm: Any) -> None:
-    calm.page.set_viewport_size({"width": 390, "height": 844})
+    calm.resize(390, 844)
     line, bar = (calm.page.locator(name).bounding_box() for name in ("#scrub", "#bar"))
-    calm.page.set_viewport_size({"width": 960, "height": 640})
+    calm.resize(960, 640)
     assert line["width"] > 0.9 * bar["width"]
 
 
@@ -436,19 +436,18 @@ def test_a_motion_starts_by_itself_unless_the_reader_wants_less_motion(
 
 
 def test_the_page_follows_its_window(calm: Any) -> None:
-    calm.page.set_viewport_size({"width": 640, "height": 480})
+    calm.resize(640, 480)
     wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth <= 640")
-    calm.page.set_viewport_size({"width": 960, "height": 640})
+    calm.resize(960, 640)
     wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth > 900")
 
 
 def test_pictures_have_the_pixels_of_a_zoomed_page(calm: Any) -> None:
     tools = calm.page.context.new_cdp_session(calm.page)
-    zoomed = {"width": 480, "height": 320, "deviceScaleFactor": 2, "mobile": False}
-    tools.send("Emulation.setDeviceMetricsOverride", zoomed)
+    usual = {"width": 960, "height": 640, "deviceScaleFactor": 1, "mobile": False}
+    tools.send("Emulation.setDeviceMetricsOverride", {**usual, "width": 480, "height": 320, "deviceScaleFactor": 2})
     wait_until(calm.page, "RR1.stage.renderer.domElement.width === 2 * RR1.stage.pane.clientWidth")
-    tools.send("Emulation.clearDeviceMetricsOverride")
-    calm.page.set_viewport_size({"width": 960, "height": 640})
+    tools.send("Emulation.setDeviceMetricsOverride", usual)
     wait_until(calm.page, "RR1.stage.renderer.domElement.width === RR1.stage.pane.clientWidth")
 
 
@@ -544,7 +543,7 @@ def test_a_long_report_covers_no_arm(
     motion = rp.Trajectory.from_samples(rr1_table.joint_names(), [0.0, 1.0], [start, away])
     report = rp.validate(motion, rr1_table)
     assert len(report.violations) > 5
-    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.resize(width, height)
     options = rp.ViewOptions(play=False)
     tab.open(save_html(tmp_path / "page.html", rr1_table, trajectory=motion, report=report, options=options))
     assert tab.page.inner_text("#badge") == f"Invalid: {len(report.violations)} found"
@@ -570,7 +569,7 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
     }"""
     tab.open(file)
     for width, height in ((1280, 800), (800, 600), (390, 844), (844, 390)):
-        tab.page.set_viewport_size({"width": width, "height": height})
+        tab.resize(width, height)
         wait_until(tab.page, f"RR1.stage.renderer.domElement.clientWidth === {width}")
         for t in (0.0, 1.0):
             assert tab.ask(hidden, t) == 0, (width, height, t)
@@ -583,7 +582,7 @@ def test_a_panda_behind_a_wall_is_seen(
     tab: Any, panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]], tmp_path: FilePath
 ) -> None:
     scene, motion, before = panda_and_wall
-    tab.page.set_viewport_size({"width": 600, "height": 420})
+    tab.resize(600, 420)
 
     def magenta() -> int:
         red, green, blue = np.moveaxis(tab.picture(), 2, 0)
@@ -617,7 +616,7 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: 
     assert tab.page.locator("#toggles").is_hidden()
     # Cards do not cover the note, in the window of the tests and in that of a phone.
     for width, height in ((360, 740), (960, 640)):
-        tab.page.set_viewport_size({"width": width, "height": height})
+        tab.resize(width, height)
         tab.next_frames()
         for words in ("#note h2", "#note p:last-child"):
             tab.page.locator(words).click(trial=True, timeout=2000)

@@ -130,10 +130,10 @@ def test_texts_and_curves_grow_with_the_window(calm: Any) -> None:
     texts = """["#title", "#plots .legend", "#clock"].map((at) =>
         parseFloat(getComputedStyle(document.querySelector(at)).fontSize))"""
     try:
-        calm.page.set_viewport_size({"width": 1280, "height": 720})
+        calm.resize(1280, 720)
         calm.next_frames()
         small, dots = np.array(calm.ask(texts)), calm.ask("RR1.plots.charts[0].area.clientHeight")
-        calm.page.set_viewport_size({"width": 3840, "height": 2160})
+        calm.resize(3840, 2160)
         calm.next_frames()
         np.testing.assert_allclose(np.array(calm.ask(texts)) / small, 1.88, atol=0.03)
         assert calm.ask("RR1.plots.charts[0].area.clientHeight") == pytest.approx(1.88 * dots, rel=0.02)
@@ -142,7 +142,7 @@ def test_texts_and_curves_grow_with_the_window(calm: Any) -> None:
         calm.page.mouse.click(box["x"] + 0.25 * left + 0.75 * right, box["y"] + 0.5 * box["height"])
         assert calm.ask("RR1.time / RR1.duration") == pytest.approx(0.75, abs=0.01)
     finally:
-        calm.page.set_viewport_size({"width": 960, "height": 640})
+        calm.resize(960, 640)
 
 
 def test_dragging_the_cursor_scrubs_the_motion(calm: Any) -> None:
@@ -294,7 +294,7 @@ def test_clearance_lines_end_on_the_nearest_bodies(calm: Any, motions: Any) -> N
 
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (800, 600), (390, 844)])
 def test_the_card_covers_no_arm(tab: Any, page_file: FilePath, width: int, height: int) -> None:
-    tab.page.set_viewport_size({"width": width, "height": height})
+    tab.resize(width, height)
     tab.open(page_file)
     tab.page.keyboard.press("g")
     wait_until(tab.page, "RR1.plots.charts.every(({ box }) => box)")
@@ -397,7 +397,7 @@ def test_the_planner_of_the_page_measures_clearances_that_were_not_sent(
 ) -> None:
     plan = motions[0]
     file = plan.save_html(tmp_path / "page.html", options=rp.ViewOptions(clearances=False, play=False))
-    tab.page.set_viewport_size({"width": 1600, "height": 800})
+    tab.resize(1600, 800)
     tab.open(file)
     tab.page.keyboard.press("g")
     wait_until(tab.page, "RR1.planner || RR1.noPlanner")
@@ -419,18 +419,19 @@ def test_clearances_follow_a_moved_obstacle(calm: Any, motions: Any) -> None:
     times = np.linspace(0.0, plan.trajectory.duration, 201)[::20]
     sent = [calm.ask(VALUES, ["clearance", float(t)]) for t in times]
     name = calm.ask("RR1.planner.obstacles.find((name) => RR1.editing.canMove(name))")
-    calm.ask(
-        """name => {
+    # Until they are measured again none is shown, not even for a moment those of before.
+    at_once, nearest = calm.ask(
+        f"""name => {{
             const pose = Float64Array.from(RR1.editing.poses.get(name));
             pose[14] += 0.03;
             RR1.editing.remember(null);
             RR1.editing.moveObstacle(name, pose);
-        }""",
+            return [{curves}.map((curve) => curve.at(0.2)), RR1.hasLayer('nearest')];
+        }}""",
         name,
     )
-    # Until they are measured again none is shown, not even for a moment those of before.
-    assert np.isnan(calm.ask(f"{curves}.map((curve) => curve.at(0.2))")).tolist() == [True]
-    assert not calm.ask("RR1.hasLayer('nearest')")
+    assert np.isnan(at_once).tolist() == [True]
+    assert not nearest
     wait_until(calm.page, f"Number.isFinite({curves}[0].at(0.2))")
     scene = plan.scene.with_obstacle_at(
         name, np.reshape(calm.ask("n => Array.from(RR1.planner.obstaclePose(n))", name), (4, 4)).T

@@ -85,11 +85,11 @@ def test_the_buttons_stay_in_their_bar_beside_the_list(opened: Any) -> None:
     boxes = """() => [...document.querySelectorAll("#bar, #bar > *")].filter((node) => node.checkVisibility())
         .map((node) => node.getBoundingClientRect()).map(({ left, right }) => [left, right])"""
     for width in (800, 840):
-        opened.page.set_viewport_size({"width": width, "height": 600})
+        opened.resize(width, 600)
         (left, right), *parts = opened.ask(boxes)
         assert len(parts) > 4
         assert all(left <= begin and end <= right for begin, end in parts)
-    opened.page.set_viewport_size(size)
+    opened.resize(**size)
 
 
 def test_the_arm_is_planned_for_with_the_block_in_its_hand(opened: Any, plan: rp.SequencePlan) -> None:

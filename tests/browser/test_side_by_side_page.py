@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.drawn]
 
@@ -40,8 +39,7 @@ def page_file(motions: Any, tmp_path_factory: pytest.TempPathFactory) -> FilePat
 
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
-    opened.page.set_viewport_size({"width": 960, "height": 640})
-    wait_until(opened.page, "innerWidth === 960")
+    opened.resize(960, 640)
     opened.ask("RR1.pause(), RR1.seek(0.5), RR1.setShown('replay', false), RR1.setShown('compare', true)")
     opened.ask("RR1.sideBySide.toggle(true), RR1.look([0, 0, 1])")
     yield opened
@@ -111,8 +109,7 @@ def test_the_pointer_finds_the_arm_in_the_first_tile(calm: Any) -> None:
 
 
 def test_a_tall_window_has_one_below_the_other(calm: Any) -> None:
-    calm.page.set_viewport_size({"width": 390, "height": 844})
-    wait_until(calm.page, "innerWidth === 390 && RR1.stage.pane.clientWidth === 390")
+    calm.resize(390, 844)
     one, other = tiles(calm)
     assert one["width"] == other["width"] == 390
     assert other["top"] == one["height"] > 400

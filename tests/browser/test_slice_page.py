@@ -28,7 +28,7 @@ def page_file(rr1_table: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture(scope="module")
 def opened(shared_tab: Any, page_file: FilePath) -> Any:
-    shared_tab.page.set_viewport_size({"width": 1100, "height": 700})
+    shared_tab.resize(1100, 700)
     shared_tab.open(page_file, f"{READY} && Boolean(RR1.lesson.live)")
     return shared_tab
 
@@ -106,11 +106,11 @@ def test_a_dragged_obstacle_takes_its_image_with_it(fresh: Any, rr1_table: rp.Sc
 def test_in_a_small_window_the_slice_stays_while_the_arm_is_moved(fresh: Any) -> None:
     size = fresh.page.viewport_size
     for small in ({"width": 800, "height": 600}, {"width": 390, "height": 844}):
-        fresh.page.set_viewport_size(small)
+        fresh.resize(**small)
         fresh.ask("RR1.editing.open()")
         assert fresh.page.is_visible("#panel-cspace canvas")
         fresh.ask("RR1.editing.open(false)")
-    fresh.page.set_viewport_size(size)
+    fresh.resize(**size)
 
 
 def test_without_webassembly_the_slice_stays_and_says_so(tab: Any, page_file: FilePath) -> None:

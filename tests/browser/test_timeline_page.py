@@ -86,11 +86,11 @@ def test_a_few_rows_lie_below_the_arms(opened: Any) -> None:
     assert panels["bottom"] <= opened.page.viewport_size["height"] + 0.5
     # Beside them on a phone held sideways.
     size = opened.page.viewport_size
-    opened.page.set_viewport_size({"width": 844, "height": 390})
+    opened.resize(844, 390)
     stage, panels = opened.ask(boxes)
     assert stage["right"] <= panels["left"] + 0.5
     assert stage["height"] == 390
-    opened.page.set_viewport_size(size)
+    opened.resize(**size)
 
 
 def test_a_motion_planned_in_the_page_has_rows_of_its_own(opened: Any) -> None:
@@ -130,24 +130,24 @@ def test_a_small_window_leaves_the_arms_room_while_they_are_moved(opened: Any) -
     size = opened.page.viewport_size
     width = "document.getElementById('stage').clientWidth"
     for small in ({"width": 800, "height": 600}, {"width": 390, "height": 844}):
-        opened.page.set_viewport_size(small)
+        opened.resize(**small)
         opened.ask("RR1.editing.open()")
         assert not opened.page.is_visible("#panels")
         assert opened.ask(width) == small["width"]
         opened.ask("RR1.editing.open(false)")
         assert opened.page.is_visible(CANVAS)
-    opened.page.set_viewport_size(size)
+    opened.resize(**size)
 
 
 def test_the_bar_beside_a_panel_holds_its_buttons_when_zoomed(opened: Any) -> None:
     size = opened.page.viewport_size
-    opened.page.set_viewport_size({"width": 640, "height": 360})
+    opened.resize(640, 360)
     opened.ask("document.body.classList.remove('few-rows')")
     opened.next_frames()
     bar, last = opened.ask("[bar, plotter].map((node) => node.getBoundingClientRect().right)")
     assert last <= bar
     opened.ask("document.body.classList.add('few-rows')")
-    opened.page.set_viewport_size(size)
+    opened.resize(**size)
 
 
 def test_cards_beside_a_panel_do_not_overlap_on_a_projector(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
@@ -157,7 +157,7 @@ def test_cards_beside_a_panel_do_not_overlap_on_a_projector(tab: Any, planar2r: 
     report = rp.validate(trajectory, scene)
     line = rp.timeline(trajectory, scene, report=report)
     options = rp.ViewOptions(title="Ten arms in a row on a table", panels=[line.panel()], play=False)
-    tab.page.set_viewport_size({"width": 1024, "height": 768})
+    tab.resize(1024, 768)
     tab.open(rp.save_html(tmp_path / "page.html", scene, trajectory=trajectory, report=report, options=options))
     tab.next_frames()
     boxes = tab.ask("""() => {
