@@ -677,6 +677,21 @@ def test_contacts_are_named_with_their_time(scene: rp.Scene) -> None:
     assert not np.allclose(sim.data.qpos, low)
 
 
+def pause_soon(sim: rp.Simulation, **run: float) -> bool:
+    """Run until another thread pauses after the first step, as a pause before a run has no effect."""
+    timer = threading.Timer(0.05, sim.pause)
+
+    def begin(_: rp.Simulation) -> None:
+        if timer.ident is None:
+            timer.start()
+
+    stop = sim.on_step(begin)
+    reached = sim.run(**run)
+    timer.join()
+    stop()
+    return reached
+
+
 def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
     sim = rp.Simulation(scene)
     stop = sim.on_step(lambda s: s.steps < 10)
@@ -686,12 +701,10 @@ def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
     began = time.perf_counter()
     assert sim.run(duration=0.1, speed=1.0)
     assert time.perf_counter() - began > 0.09
-    threading.Timer(0.05, sim.pause).start()
-    assert sim.run(until=1000.0, speed=1.0) is False
+    assert pause_soon(sim, until=1000.0, speed=1.0) is False
     # A pause also ends the wait for the next step of a slow run, here of hours.
     for slow in (1e-7, 1e-300):
-        threading.Timer(0.05, sim.pause).start()
-        assert sim.run(duration=1.0, speed=slow) is False
+        assert pause_soon(sim, duration=1.0, speed=slow) is False
     with pytest.raises(rp.InputError, match="it cannot run to 0 s; reset it first"):
         sim.run(until=0.0)
     with pytest.raises(rp.InputError, match="either until or duration"):
