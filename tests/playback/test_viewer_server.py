@@ -202,8 +202,10 @@ def test_nothing_is_left_after_close(rr1_table: rp.Scene) -> None:
 
 def test_wait_ends_with_close_and_with_its_timeout(viewer: Viewer) -> None:
     assert not viewer.wait(0.01)
-    threading.Timer(0.05, viewer.close).start()
+    closing = threading.Timer(0.05, viewer.close)
+    closing.start()
     assert viewer.wait(20)
+    closing.join()
 
 
 async def look(viewer: Viewer, times: int, away: float) -> None:
