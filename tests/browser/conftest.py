@@ -65,6 +65,8 @@ class Tab:
 
     def resize(self, width: int, height: int) -> None:
         """Give the window a size [px] and wait until an open page is laid out in it."""
+        if self.page.viewport_size == {"width": width, "height": height}:
+            return
         self.page.set_viewport_size({"width": width, "height": height})
         wait_until(self.page, f"innerWidth === {width} && innerHeight === {height}")
         if self.ask(_READY):
@@ -78,13 +80,38 @@ class Tab:
         return self.page.evaluate(expression, argument)
 
     def open(self, page: Path | str, ready: str = _READY) -> None:
-        """Open a file or an address and wait until the page is ready."""
+        """Open a file or an address and wait until the page is ready, laid out and drawn."""
         self.page.goto(page.as_uri() if isinstance(page, Path) else page)
-        wait_until(self.page, ready)
+        wait_until(self.page, f"({ready}) && RR1.frames > 1")
 
     def wait_for_plan(self) -> None:
         """Wait until the page does not plan."""
         wait_until(self.page, "!RR1.editing.planning")
+
+    def run_until(self, key: str, condition: str, seen: str = "null") -> Any:
+        """Start an animation by its key, and stop it by the same key in the first frame in which a condition is true.
+
+        All of it happens in the page: on a busy machine an animation may end before Python looks at it.
+
+        Args:
+            key: As in `KeyboardEvent.key`.
+            condition: A JavaScript expression.
+            seen: A JavaScript expression, maybe a promise, whose value is returned; computed before the stop.
+        """
+        return self.ask(
+            f"""async (key) => {{
+                const press = () => {{
+                    const event = new KeyboardEvent("keydown", {{ key, bubbles: true, cancelable: true }});
+                    document.activeElement.dispatchEvent(event);
+                }};
+                press();
+                do await new Promise(requestAnimationFrame); while (!({condition}));
+                const seen = await ({seen});
+                press();
+                return seen;
+            }}""",
+            key,
+        )
 
     def next_frames(self) -> None:
         """Wait for the next frames."""

@@ -221,9 +221,7 @@ def test_schedules_run_and_contacts_are_named(page: tuple[Any, Any]) -> None:
     tab, _ = page
     go_to(tab, "orders")
     said = tab.page.locator("#panel-pair .verdict")
-    tab.page.keyboard.press("x")
-    wait_until(tab.page, "RR1.pair.time > 0.1")
-    tab.page.keyboard.press("x")
+    tab.run_until("x", "RR1.pair.time > 0.1")
     time = tab.ask("RR1.pair.time")
     tab.next_frames()
     assert tab.ask("RR1.pair.time") == time

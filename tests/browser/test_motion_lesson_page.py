@@ -12,7 +12,6 @@ import pytest
 import rr1plan as rp
 from rr1plan.lessons.motion_lesson import BLENDS, MotionLesson
 from rr1plan.lessons.phase_plane import fastest_motion
-from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
 
@@ -103,9 +102,7 @@ def test_driving_follows_the_blended_path_at_the_speed_of_the_plane(page: Any, l
         np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), grid.q[k], atol=1e-4)
     page.ask("RR1.timing.at(0)")
     page.page.locator("#panel-steps h2").click()
-    page.page.keyboard.press("d")
-    wait_until(page.page, "RR1.timing.share > 0.05")
-    page.page.keyboard.press("d")
+    page.run_until("d", "RR1.timing.share > 0.05")
     share = page.ask("RR1.timing.share")
     page.next_frames()
     assert page.ask("RR1.timing.share") == share

@@ -91,10 +91,8 @@ def test_keys_and_buttons_walk_the_search(page: Any) -> None:
     page.page.keyboard.press("ArrowRight")
     assert page.ask("RR1.search.at") == 13
     assert page.ask("RR1.steps.index") == 0
-    page.page.keyboard.press("p")
-    wait_until(page.page, "RR1.search.at > 14")
-    assert page.page.locator("#panel-search .play").inner_text() == "Pause"
-    page.page.keyboard.press("p")
+    name = "document.querySelector('#panel-search .play').textContent"
+    assert page.run_until("p", "RR1.search.at > 14", name) == "Pause"
     assert page.page.locator("#panel-search .play").inner_text() == "Grow"
     at = page.ask("RR1.search.at")
     page.next_frames()
