@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from queue import Queue
 from typing import Any
 
 import numpy as np
@@ -66,8 +67,14 @@ def test_a_slider_moves_a_simulated_joint(tab: Any) -> None:
     sim, page = rp.Simulation(scene), tab.page
     manual = rp.ManualController(scene.joint_names(), speed=1.0)
     sim.activate(manual)
+    moved_joints: Queue[str] = Queue()
+
+    def move(joint: str, value: float) -> None:
+        manual.move(joint, value)
+        moved_joints.put(joint)
+
     with rp.show(scene, options=rp.ViewOptions(quiet=True, port=0)) as viewer:
-        viewer.on_slider(manual.move)
+        viewer.on_slider(move)
         sim.on_step(lambda now: viewer.update(now.configuration()))
         page.goto(viewer.url)
         wait_until(page, "window.RR1 && RR1.ready && RR1.live.socket && RR1.live.socket.readyState === 1")
@@ -76,7 +83,7 @@ def test_a_slider_moves_a_simulated_joint(tab: Any) -> None:
         before = sim.configuration()[0]
         for _ in range(3):
             slider.press("ArrowRight")
-            page.wait_for_timeout(50)
+            assert moved_joints.get(timeout=60) == "rr1/shoulder_joint"
             sim.run(duration=0.5)
         moved = sim.configuration()[0] - before
         assert moved > 0.01
