@@ -118,7 +118,7 @@ def test_play_and_pause_by_clicks(calm: Any) -> None:
     calm.page.click("#play")
     stopped = calm.ask("RR1.time")
     assert not calm.ask("RR1.playing")
-    calm.page.wait_for_timeout(150)
+    calm.next_frames()
     assert calm.ask("RR1.time") == stopped
 
 
@@ -619,7 +619,7 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: 
         tab.resize(width, height)
         tab.next_frames()
         for words in ("#note h2", "#note p:last-child"):
-            tab.page.locator(words).click(trial=True, timeout=2000)
+            tab.page.locator(words).click(trial=True)
     tab.page.click("#report .violation")
     assert tab.ask("RR1.time") == 1.25
     np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), wander(two_arms)(1.25), atol=1e-6)
