@@ -49,6 +49,8 @@ def opened(shared_tab: Any, page_file: FilePath) -> Any:
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
     opened.ask("document.activeElement.blur(), RR1.pause(), RR1.seek(0)")
+    opened.ask("RR1.lesson.showTree = true, RR1.lesson.tinted = false, RR1.lesson.pauseTree()")
+    opened.ask("RR1.lesson.growTo(RR1.lesson.tree.length), RR1.lesson.repaint()")
     opened.page.mouse.move(2, 2)
     yield opened
     assert opened.complaints == []

@@ -22,8 +22,9 @@ def page_file(rr1_table: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
-    opened.ask("RR1.own = [], RR1.keys.dialog.close()")
-    opened.ask("document.activeElement.blur()")
+    opened.resize(960, 640)
+    opened.ask("RR1.own = [], RR1.late = false, RR1.keys.dialog.close()")
+    opened.ask("document.activeElement.blur(), document.body.classList.remove('folded')")
     opened.ask("RR1.keys.rows = RR1.keys.rows.filter((row) => row.title !== 'Own'), 0")
     yield opened
     assert opened.complaints == []

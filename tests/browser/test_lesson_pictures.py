@@ -62,6 +62,7 @@ def page(
             wait_until(tab.page, "Boolean(RR1.planner)")
     tab = tabs[name]
     tab.page.bring_to_front()
+    tab.resize(1440, 900)
     tab.ask("document.activeElement.blur(), RR1.editing.changed && RR1.editing.reset()")
     tab.ask("RR1.steps.go(1), RR1.steps.go(0)")
     yield tab, lesson
@@ -137,7 +138,6 @@ def test_the_region_of_a_proven_interval_is_in_view(page: tuple[Any, Any]) -> No
             return spots.filter(({ x, y }) => x < 0 || x > wide || y < 0 || y > high).length;
         }"""
     )
-    tab.resize(1440, 900)
     assert off == 0
 
 

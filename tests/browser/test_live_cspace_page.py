@@ -53,6 +53,10 @@ def opened(shared_tab: Any, page_file: FilePath) -> Any:
 @pytest.fixture
 def fresh(opened: Any) -> Iterator[Any]:
     """The page in its initial state."""
+    opened.ask(
+        "delete RR1.planner.plan, delete RR1.lesson.live.background.plan, delete RR1.lesson.live.background.cancel"
+    )
+    opened.ask("RR1.lesson.phase.hidden || RR1.lesson.tools.phase.click(), RR1.plots.open && RR1.plots.toggle()")
     opened.ask("RR1.lesson.edits.past.length && RR1.lesson.edits.restore(RR1.lesson.edits.first)")
     wait_for_answer(opened)
     opened.ask("RR1.lesson.edits.past = [], RR1.lesson.edits.select(null)")
@@ -346,9 +350,7 @@ def test_slow_planning_is_announced_canceled_and_overtaken(fresh: Any) -> None:
     fresh.ask("() => { delete RR1.lesson.live.background.plan; }")
     assert fresh.ask("RR1.lesson.edits.update()")
     assert not fresh.ask("first")
-    fresh.ask("() => { delete RR1.lesson.live.background.cancel; }")
     assert verdict(fresh).startswith("Start and goal lie in the same component")
-    fresh.ask("RR1.lesson.edits.drop()")
 
 
 def test_without_workers_the_page_plans_itself(tab: Any, page_file: FilePath) -> None:

@@ -67,6 +67,7 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
 def calm(opened: Any) -> Iterator[Any]:
     """The page at its start, paused, regardless of earlier tests."""
     opened.ask("RR1.pause(), RR1.setSpeed(1), RR1.setLoop(true), RR1.seek(0)")
+    opened.ask("RR1.editing.open(false), RR1.look(RR1.document.camera.direction)")
     yield opened
     assert opened.complaints == []
 

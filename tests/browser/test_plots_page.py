@@ -42,9 +42,22 @@ def page_file(
 
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
-    opened.ask("RR1.pause(), RR1.seek(0)")
-    if not opened.ask("RR1.plots.open"):
-        opened.page.keyboard.press("g")
+    """The page paused at its start, with its own motion and all curves under the scene."""
+    opened.resize(960, 640)
+    opened.page.emulate_media(forced_colors="none", color_scheme="light")
+    opened.ask(
+        """() => {
+        RR1.pause();
+        if (RR1.editing.changed) RR1.editing.reset();
+        RR1.seek(0);
+        for (const layer of ["frames", "toolspeed", "nearest", "tree"]) RR1.setShown(layer, false);
+        RR1.setShown("compare", true);
+        if (!RR1.plots.open) RR1.plots.toggle();
+        Object.assign(RR1.plots, { joint: null, zoomed: false, chosen: RR1.plots.firstChoice() });
+        RR1.plots.build();
+    }"""
+    )
+    opened.next_frames()
     yield opened
     assert opened.complaints == []
 
@@ -129,20 +142,15 @@ def test_torques_and_errors_are_those_of_python(calm: Any, motions: Any) -> None
 def test_texts_and_curves_grow_with_the_window(calm: Any) -> None:
     texts = """["#title", "#plots .legend", "#clock"].map((at) =>
         parseFloat(getComputedStyle(document.querySelector(at)).fontSize))"""
-    try:
-        calm.resize(1280, 720)
-        calm.next_frames()
-        small, dots = np.array(calm.ask(texts)), calm.ask("RR1.plots.charts[0].area.clientHeight")
-        calm.resize(3840, 2160)
-        calm.next_frames()
-        np.testing.assert_allclose(np.array(calm.ask(texts)) / small, 1.88, atol=0.03)
-        assert calm.ask("RR1.plots.charts[0].area.clientHeight") == pytest.approx(1.88 * dots, rel=0.02)
-        box = calm.page.locator("#plots .area").first.bounding_box()
-        left, right = calm.ask("(({ box, large }) => [large * box.left, large * box.right])(RR1.plots.charts[0])")
-        calm.page.mouse.click(box["x"] + 0.25 * left + 0.75 * right, box["y"] + 0.5 * box["height"])
-        assert calm.ask("RR1.time / RR1.duration") == pytest.approx(0.75, abs=0.01)
-    finally:
-        calm.resize(960, 640)
+    calm.resize(1280, 720)
+    small, dots = np.array(calm.ask(texts)), calm.ask("RR1.plots.charts[0].area.clientHeight")
+    calm.resize(3840, 2160)
+    np.testing.assert_allclose(np.array(calm.ask(texts)) / small, 1.88, atol=0.03)
+    assert calm.ask("RR1.plots.charts[0].area.clientHeight") == pytest.approx(1.88 * dots, rel=0.02)
+    box = calm.page.locator("#plots .area").first.bounding_box()
+    left, right = calm.ask("(({ box, large }) => [large * box.left, large * box.right])(RR1.plots.charts[0])")
+    calm.page.mouse.click(box["x"] + 0.25 * left + 0.75 * right, box["y"] + 0.5 * box["height"])
+    assert calm.ask("RR1.time / RR1.duration") == pytest.approx(0.75, abs=0.01)
 
 
 def test_dragging_the_cursor_scrubs_the_motion(calm: Any) -> None:
@@ -508,4 +516,3 @@ def test_curves_keep_their_ground_and_colors_with_forced_colors(calm: Any) -> No
     assert calm.ask(color, "#plots .number") == calm.ask(
         "document.querySelector('#plots .number').style.backgroundColor"
     )
-    calm.page.emulate_media(forced_colors="none", color_scheme="light")

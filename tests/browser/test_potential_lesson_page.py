@@ -44,6 +44,10 @@ def opened(shared_tab: Any, lesson: PotentialFieldsLesson, tmp_path_factory: pyt
 
 @pytest.fixture
 def page(opened: Any) -> Iterator[Any]:
+    """The page with the query and the numbers that it was made with."""
+    opened.ask("RR1.lesson.edits.past.length && RR1.lesson.edits.restore(RR1.lesson.edits.first)")
+    wait_until(opened.page, "!RR1.lesson.edits.planning")
+    opened.ask("RR1.lesson.edits.past = [], RR1.potential.choose(...RR1.panelData.potential.usual)")
     yield opened
     assert opened.complaints == []
 
@@ -79,7 +83,6 @@ def test_sliders_change_the_field(page: Any, lesson: PotentialFieldsLesson) -> N
     page.ask("(s) => { const x = document.querySelector(s); x.value = x.max; x.oninput(); }", "#panel-potential .reach")
     values = lesson.attractive + repulsion(lesson.distance, GAIN, 0.8)
     assert shown(page, "share") == pytest.approx(reached_share(lesson.grid, values, lesson.goal))
-    page.ask("RR1.potential.choose(0.03, 0.4)")
 
 
 @pytest.mark.parametrize("lesson", ["RR"], indirect=True)
@@ -88,7 +91,7 @@ def test_the_field_follows_what_is_dragged(page: Any, lesson: PotentialFieldsLes
     wait_until(page.page, "Boolean(RR1.lesson.live)")
     before = shown(page, "share")
     goal = [-2.0, 2.7]
-    page.ask(f"RR1.lesson.edits.moveEnd(0, {goal})")
+    page.ask(f"RR1.lesson.edits.remember(), RR1.lesson.edits.moveEnd(0, {goal})")
     page.ask("RR1.lesson.chart.draw()")
     values = attraction(lesson.grid, goal)
     assert shown(page, "share") == pytest.approx(reached_share(lesson.grid, values, goal))

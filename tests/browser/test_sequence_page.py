@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -34,45 +35,54 @@ def opened(shared_tab: Any, plan: rp.SequencePlan, tmp_path_factory: pytest.Temp
     return shared_tab
 
 
+@pytest.fixture
+def page(opened: Any) -> Iterator[Any]:
+    """The page in its initial state, at the start of its motion."""
+    opened.resize(960, 640)
+    opened.ask("RR1.pause(), RR1.plots.open && RR1.plots.toggle(), document.body.classList.remove('bare')")
+    opened.ask("RR1.editing.open(false), RR1.editing.changed && RR1.editing.reset(), RR1.seek(0)")
+    yield opened
+    assert opened.complaints == []
+
+
 def magenta(tab: Any) -> np.ndarray:
     """Positions of pixels of the block, shape (n, 2)."""
     pixels = tab.bare_picture()
     return np.argwhere((pixels[..., 0] > pixels[..., 1] + 60) & (pixels[..., 2] > pixels[..., 1] + 60))
 
 
-def test_the_block_is_drawn_in_the_hand_and_stays_where_it_is_put_down(opened: Any, plan: rp.SequencePlan) -> None:
+def test_the_block_is_drawn_in_the_hand_and_stays_where_it_is_put_down(page: Any, plan: rp.SequencePlan) -> None:
     taken, left = (event.begin for event in plan.events)
     centers = []
     for time in (0.0, 0.5 * (taken + left), left, plan.trajectory.end_time):
-        opened.ask(f"RR1.pause(), RR1.seek({time})")
-        drawn = np.array(opened.ask("Array.from(RR1.world.bodyPoses)")).reshape(4, 4).T
+        page.ask(f"RR1.pause(), RR1.seek({time})")
+        drawn = np.array(page.ask("Array.from(RR1.world.bodyPoses)")).reshape(4, 4).T
         np.testing.assert_allclose(drawn, plan.object_poses("block", [time])[0], atol=1e-3)
         if taken <= time <= left:
-            tool = np.array(opened.ask("RR1.linkPose('arm/tool')")).reshape(4, 4).T
+            tool = np.array(page.ask("RR1.linkPose('arm/tool')")).reshape(4, 4).T
             np.testing.assert_allclose(np.linalg.inv(tool) @ drawn, rp.transforms.pose([0, 0, 0.085]), atol=1e-3)
-        centers.append(magenta(opened).mean(axis=0))
+        centers.append(magenta(page).mean(axis=0))
     first, middle, last, end = centers
     assert np.linalg.norm(middle - first) > 20
     assert np.linalg.norm(last - middle) > 20
     assert np.linalg.norm(end - last) < 10
-    assert opened.complaints == []
 
 
-def test_a_click_on_a_stage_goes_to_its_beginning(opened: Any, plan: rp.SequencePlan) -> None:
+def test_a_click_on_a_stage_goes_to_its_beginning(page: Any, plan: rp.SequencePlan) -> None:
     rows = "#panel-stages li button"
-    assert opened.ask(f"[...document.querySelectorAll('{rows} .label')].map((r) => r.textContent)") == [
+    assert page.ask(f"[...document.querySelectorAll('{rows} .label')].map((r) => r.textContent)") == [
         stage.label for stage in plan.stages
     ]
-    opened.page.click(f"#panel-stages li:nth-child({len(plan.stages)}) button")
-    assert opened.ask("RR1.time") == pytest.approx(plan.stages[-1].begin)
-    assert opened.ask(f"[...document.querySelectorAll('{rows}')].map((r) => r.classList.contains('now'))") == [
+    page.page.click(f"#panel-stages li:nth-child({len(plan.stages)}) button")
+    assert page.ask("RR1.time") == pytest.approx(plan.stages[-1].begin)
+    assert page.ask(f"[...document.querySelectorAll('{rows}')].map((r) => r.classList.contains('now'))") == [
         *[False] * (len(plan.stages) - 1),
         True,
     ]
 
 
-def test_segments_that_are_passed_without_a_stop_say_so(opened: Any, plan: rp.SequencePlan) -> None:
-    rows = opened.ask(
+def test_segments_that_are_passed_without_a_stop_say_so(page: Any, plan: rp.SequencePlan) -> None:
+    rows = page.ask(
         "[...document.querySelectorAll('#panel-stages li')].map((row) => Boolean(row.querySelector('.passed')))"
     )
     speeds = [float(np.abs(plan.trajectory(stage.end, 1)).max()) for stage in plan.stages]
@@ -80,29 +90,27 @@ def test_segments_that_are_passed_without_a_stop_say_so(opened: Any, plan: rp.Se
     assert rows.count(True) == 1
 
 
-def test_the_buttons_stay_in_their_bar_beside_the_list(opened: Any) -> None:
-    size = opened.page.viewport_size
+def test_the_buttons_stay_in_their_bar_beside_the_list(page: Any) -> None:
     boxes = """() => [...document.querySelectorAll("#bar, #bar > *")].filter((node) => node.checkVisibility())
         .map((node) => node.getBoundingClientRect()).map(({ left, right }) => [left, right])"""
     for width in (800, 840):
-        opened.resize(width, 600)
-        (left, right), *parts = opened.ask(boxes)
+        page.resize(width, 600)
+        (left, right), *parts = page.ask(boxes)
         assert len(parts) > 4
         assert all(left <= begin and end <= right for begin, end in parts)
-    opened.resize(**size)
 
 
-def test_the_arm_is_planned_for_with_the_block_in_its_hand(opened: Any, plan: rp.SequencePlan) -> None:
+def test_the_arm_is_planned_for_with_the_block_in_its_hand(page: Any, plan: rp.SequencePlan) -> None:
     taken, left = (event.begin for event in plan.events)
     time = 0.5 * (taken + left)
-    opened.ask(f"RR1.pause(), RR1.seek({time}), RR1.editing.open()")
-    wait_until(opened.page, "Boolean(RR1.planner)")
+    page.ask(f"RR1.pause(), RR1.seek({time}), RR1.editing.open()")
+    wait_until(page.page, "Boolean(RR1.planner)")
     start = plan.trajectory(time)
-    opened.ask("RR1.editing.turn(0, RR1.q[0] - 0.9)")
-    in_hand(opened)
-    assert opened.ask("RR1.editing.plan().then((answer) => answer.certified)")
-    assert opened.page.inner_text("#badge") == "Planned here, certified free"
-    track = opened.ask(
+    page.ask("RR1.editing.turn(0, RR1.q[0] - 0.9)")
+    in_hand(page)
+    assert page.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    assert page.page.inner_text("#badge") == "Planned here, certified free"
+    track = page.ask(
         "(({ breaks, coefficients: c }) => [[...breaks.values], [...c.values], c.shape])(RR1.document.track)"
     )
     trajectory = rp.Trajectory(plan.trajectory.joint_names, track[0], np.reshape(track[1], track[2]))
@@ -111,16 +119,15 @@ def test_the_arm_is_planned_for_with_the_block_in_its_hand(opened: Any, plan: rp
     held = next(scene for scene in plan.scenes() if "block" in scene.attachments)
     assert rp.validate(trajectory, held).certified
     for share in (0.2, 0.9):
-        opened.ask(f"RR1.pause(), RR1.seek({share} * RR1.duration)")
-        in_hand(opened)
-        np.testing.assert_allclose(opened.ask("[...RR1.q]"), trajectory(share * trajectory.duration), atol=1e-9)
+        page.ask(f"RR1.pause(), RR1.seek({share} * RR1.duration)")
+        in_hand(page)
+        np.testing.assert_allclose(page.ask("[...RR1.q]"), trajectory(share * trajectory.duration), atol=1e-9)
     # Undone, the arm is again where it was posed; then everything is as it came, at the same time.
-    opened.ask("RR1.editing.undo()")
-    in_hand(opened)
-    assert opened.ask("[RR1.manual, RR1.duration]") == [True, plan.trajectory.duration]
-    opened.ask("RR1.editing.reset()")
-    assert opened.ask("[RR1.manual, RR1.time, RR1.editing.changed]") == [False, time, False]
-    assert opened.complaints == []
+    page.ask("RR1.editing.undo()")
+    in_hand(page)
+    assert page.ask("[RR1.manual, RR1.duration]") == [True, plan.trajectory.duration]
+    page.ask("RR1.editing.reset()")
+    assert page.ask("[RR1.manual, RR1.time, RR1.editing.changed]") == [False, time, False]
 
 
 def in_hand(tab: Any) -> None:
@@ -131,27 +138,25 @@ def in_hand(tab: Any) -> None:
     np.testing.assert_allclose(np.linalg.inv(tool) @ drawn, rp.transforms.pose([0, 0, 0.085]), atol=1e-6)
 
 
-def test_a_click_on_a_stage_leads_back_to_the_sequence(opened: Any, plan: rp.SequencePlan) -> None:
+def test_a_click_on_a_stage_leads_back_to_the_sequence(page: Any, plan: rp.SequencePlan) -> None:
     last = plan.stages[-1]
-    opened.ask(f"RR1.pause(), RR1.seek({0.5 * (last.begin + last.end)}), RR1.editing.open()")
-    wait_until(opened.page, "Boolean(RR1.planner)")
-    opened.ask("RR1.editing.turn(0, RR1.q[0] + 0.3)")
+    page.ask(f"RR1.pause(), RR1.seek({0.5 * (last.begin + last.end)}), RR1.editing.open()")
+    wait_until(page.page, "Boolean(RR1.planner)")
+    page.ask("RR1.editing.turn(0, RR1.q[0] + 0.3)")
     # The block has been put down: it stays.
-    before = opened.ask("[...RR1.world.bodyPoses]")
-    assert opened.ask("RR1.editing.plan().then((answer) => answer.certified)")
-    opened.ask("RR1.pause(), RR1.seek(RR1.duration)")
-    assert opened.ask("[...RR1.world.bodyPoses]") == before
-    assert "now" in opened.page.locator("#panel-stages li button").last.get_attribute("class")
-    opened.page.locator("#panel-stages li button").nth(2).click()
-    assert opened.ask("[RR1.time, RR1.duration]") == [plan.stages[2].begin, plan.trajectory.duration]
-    assert opened.complaints == []
+    before = page.ask("[...RR1.world.bodyPoses]")
+    assert page.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    page.ask("RR1.pause(), RR1.seek(RR1.duration)")
+    assert page.ask("[...RR1.world.bodyPoses]") == before
+    assert "now" in page.page.locator("#panel-stages li button").last.get_attribute("class")
+    page.page.locator("#panel-stages li button").nth(2).click()
+    assert page.ask("[RR1.time, RR1.duration]") == [plan.stages[2].begin, plan.trajectory.duration]
 
 
-def test_the_planner_of_one_stage_measures_no_clearance_of_the_whole_motion(opened: Any) -> None:
-    wait_until(opened.page, "Boolean(RR1.planner)")
-    opened.ask("RR1.plots.open || RR1.plots.toggle()")
-    opened.ask("RR1.plots.load()")
-    assert "clearance" not in opened.ask("RR1.plots.source.quantities(RR1.plots.arm)")
-    assert "velocity" in opened.ask("RR1.plots.offered")
-    assert opened.ask("Boolean(RR1.plots.source.planner) && RR1.plots.source.background === null")
-    opened.ask("RR1.plots.toggle()")
+def test_the_planner_of_one_stage_measures_no_clearance_of_the_whole_motion(page: Any) -> None:
+    wait_until(page.page, "Boolean(RR1.planner)")
+    page.ask("RR1.plots.open || RR1.plots.toggle()")
+    page.ask("RR1.plots.load()")
+    assert "clearance" not in page.ask("RR1.plots.source.quantities(RR1.plots.arm)")
+    assert "velocity" in page.ask("RR1.plots.offered")
+    assert page.ask("Boolean(RR1.plots.source.planner) && RR1.plots.source.background === null")

@@ -35,7 +35,8 @@ def opened(shared_tab: Any, page_file: FilePath) -> Any:
 
 @pytest.fixture
 def fresh(opened: Any, rr1_table: rp.Scene) -> Iterator[Any]:
-    opened.ask("RR1.editing.reset()")
+    opened.resize(1100, 700)
+    opened.ask("RR1.editing.reset(), RR1.editing.open(false)")
     opened.ask("q => RR1.setQ(q)", np.concatenate([arm.q for arm in rr1_table.arms.values()]).tolist())
     opened.ask("document.activeElement.blur()")
     settle(opened)
@@ -104,13 +105,11 @@ def test_a_dragged_obstacle_takes_its_image_with_it(fresh: Any, rr1_table: rp.Sc
 
 
 def test_in_a_small_window_the_slice_stays_while_the_arm_is_moved(fresh: Any) -> None:
-    size = fresh.page.viewport_size
     for small in ({"width": 800, "height": 600}, {"width": 390, "height": 844}):
         fresh.resize(**small)
         fresh.ask("RR1.editing.open()")
         assert fresh.page.is_visible("#panel-cspace canvas")
         fresh.ask("RR1.editing.open(false)")
-    fresh.resize(**size)
 
 
 def test_without_webassembly_the_slice_stays_and_says_so(tab: Any, page_file: FilePath) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -37,6 +38,16 @@ def opened(shared_tab: Any, rr1: rp.Robot, tmp_path_factory: pytest.TempPathFact
     return shared_tab
 
 
+@pytest.fixture
+def page(opened: Any) -> Iterator[Any]:
+    """The page in its initial state, at the start of its motion."""
+    opened.resize(960, 640)
+    opened.ask("RR1.pause(), RR1.setMoved([]), document.body.classList.add('few-rows')")
+    opened.ask("RR1.editing.changed && RR1.editing.reset(), RR1.editing.open(false), RR1.seek(0)")
+    yield opened
+    assert opened.complaints == []
+
+
 def place_of(tab: Any, row: int, time: float) -> dict[str, float]:
     """Where a moment of a row is on the canvas; the line of the clock tells where a moment is."""
     tab.ask(f"RR1.pause(), RR1.seek({time})")
@@ -45,71 +56,64 @@ def place_of(tab: Any, row: int, time: float) -> dict[str, float]:
     return {"x": left, "y": height * (row + 0.5) / 2}
 
 
-def test_a_click_goes_to_the_moment(opened: Any) -> None:
-    place = place_of(opened, 1, 0.5)
-    opened.ask("RR1.seek(0)")
-    opened.page.click(CANVAS, position=place)
-    assert opened.ask("RR1.time") == pytest.approx(0.5, abs=0.02)
-    said = opened.ask("document.querySelector('#panel-timeline .said').textContent")
+def test_a_click_goes_to_the_moment(page: Any) -> None:
+    place = place_of(page, 1, 0.5)
+    page.ask("RR1.seek(0)")
+    page.page.click(CANVAS, position=place)
+    assert page.ask("RR1.time") == pytest.approx(0.5, abs=0.02)
+    said = page.ask("document.querySelector('#panel-timeline .said').textContent")
     assert said == "arm02 waits 1.00 s for arm01"
-    assert opened.complaints == []
 
 
-def test_a_click_on_a_cross_paints_what_touches(opened: Any) -> None:
-    conflict = opened.conflict
-    place = place_of(opened, 0, conflict.time)
-    opened.page.click(CANVAS, position=place)
-    assert opened.ask("RR1.time") == pytest.approx(conflict.time, abs=1e-6)
-    assert set(opened.ask("RR1.touched")) == set(conflict.subject)
-    said = opened.ask("document.querySelector('#panel-timeline .said').textContent")
+def test_a_click_on_a_cross_paints_what_touches(page: Any) -> None:
+    conflict = page.conflict
+    place = place_of(page, 0, conflict.time)
+    page.page.click(CANVAS, position=place)
+    assert page.ask("RR1.time") == pytest.approx(conflict.time, abs=1e-6)
+    assert set(page.ask("RR1.touched")) == set(conflict.subject)
+    said = page.ask("document.querySelector('#panel-timeline .said').textContent")
     assert said == conflict.message
-    assert opened.complaints == []
 
 
-def test_a_conflict_with_something_that_has_moved_since_is_none(opened: Any) -> None:
-    conflict = opened.conflict
-    place = place_of(opened, 1, conflict.time)
-    opened.ask("name => RR1.setMoved([name])", conflict.subject[0])
-    opened.page.mouse.move(0, 0)
-    opened.page.hover(CANVAS, position=place)
-    said = opened.ask("document.querySelector('#panel-timeline .said').textContent")
-    opened.ask("RR1.setMoved([])")
+def test_a_conflict_with_something_that_has_moved_since_is_none(page: Any) -> None:
+    conflict = page.conflict
+    place = place_of(page, 1, conflict.time)
+    page.ask("name => RR1.setMoved([name])", conflict.subject[0])
+    page.page.mouse.move(0, 0)
+    page.page.hover(CANVAS, position=place)
+    said = page.ask("document.querySelector('#panel-timeline .said').textContent")
     assert said != conflict.message
-    assert opened.complaints == []
 
 
-def test_a_few_rows_lie_below_the_arms(opened: Any) -> None:
+def test_a_few_rows_lie_below_the_arms(page: Any) -> None:
     boxes = "['stage', 'panels'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
-    stage, panels = opened.ask(boxes)
+    stage, panels = page.ask(boxes)
     assert stage["bottom"] <= panels["top"] + 0.5
-    assert stage["width"] == panels["width"] == opened.page.viewport_size["width"]
-    assert panels["bottom"] <= opened.page.viewport_size["height"] + 0.5
+    assert stage["width"] == panels["width"] == page.page.viewport_size["width"]
+    assert panels["bottom"] <= page.page.viewport_size["height"] + 0.5
     # Beside them on a phone held sideways.
-    size = opened.page.viewport_size
-    opened.resize(844, 390)
-    stage, panels = opened.ask(boxes)
+    page.resize(844, 390)
+    stage, panels = page.ask(boxes)
     assert stage["right"] <= panels["left"] + 0.5
     assert stage["height"] == 390
-    opened.resize(**size)
 
 
-def test_a_motion_planned_in_the_page_has_rows_of_its_own(opened: Any) -> None:
+def test_a_motion_planned_in_the_page_has_rows_of_its_own(page: Any) -> None:
     said = "document.querySelector('#panel-timeline .said').textContent"
-    wait_until(opened.page, "RR1.planner")
-    opened.page.mouse.move(1, 1)
-    before = opened.ask(said)
+    wait_until(page.page, "RR1.planner")
+    page.page.mouse.move(1, 1)
+    before = page.ask(said)
     turn = "() => { const { editing } = RR1, q = editing.start.slice(); q[0] += 0.3; editing.setEnd('goal', q); }"
-    opened.ask(turn)
-    assert opened.ask("RR1.editing.plan().then((answer) => answer.certified)")
-    middle = opened.ask("RR1.player.start + 0.5 * RR1.duration")
+    page.ask(turn)
+    assert page.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    middle = page.ask("RR1.player.start + 0.5 * RR1.duration")
     for row, expected in enumerate(("arm01 moves", "arm02 is at its goal")):
-        opened.page.hover(CANVAS, position=place_of(opened, row, middle))
-        assert opened.ask(said) == expected
-    opened.page.mouse.move(1, 1)
-    assert opened.ask(said) == f"2 arms, {opened.ask('RR1.duration'):.2f} s, planned here in their joint space"
-    opened.ask("RR1.editing.reset()")
-    assert opened.ask(said) == before
-    assert opened.complaints == []
+        page.page.hover(CANVAS, position=place_of(page, row, middle))
+        assert page.ask(said) == expected
+    page.page.mouse.move(1, 1)
+    assert page.ask(said) == f"2 arms, {page.ask('RR1.duration'):.2f} s, planned here in their joint space"
+    page.ask("RR1.editing.reset()")
+    assert page.ask(said) == before
 
 
 def test_many_arms_that_were_planned_here_move_one_after_the_other(
@@ -126,28 +130,23 @@ def test_many_arms_that_were_planned_here_move_one_after_the_other(
     assert tab.complaints == []
 
 
-def test_a_small_window_leaves_the_arms_room_while_they_are_moved(opened: Any) -> None:
-    size = opened.page.viewport_size
+def test_a_small_window_leaves_the_arms_room_while_they_are_moved(page: Any) -> None:
     width = "document.getElementById('stage').clientWidth"
     for small in ({"width": 800, "height": 600}, {"width": 390, "height": 844}):
-        opened.resize(**small)
-        opened.ask("RR1.editing.open()")
-        assert not opened.page.is_visible("#panels")
-        assert opened.ask(width) == small["width"]
-        opened.ask("RR1.editing.open(false)")
-        assert opened.page.is_visible(CANVAS)
-    opened.resize(**size)
+        page.resize(**small)
+        page.ask("RR1.editing.open()")
+        assert not page.page.is_visible("#panels")
+        assert page.ask(width) == small["width"]
+        page.ask("RR1.editing.open(false)")
+        assert page.page.is_visible(CANVAS)
 
 
-def test_the_bar_beside_a_panel_holds_its_buttons_when_zoomed(opened: Any) -> None:
-    size = opened.page.viewport_size
-    opened.resize(640, 360)
-    opened.ask("document.body.classList.remove('few-rows')")
-    opened.next_frames()
-    bar, last = opened.ask("[bar, plotter].map((node) => node.getBoundingClientRect().right)")
+def test_the_bar_beside_a_panel_holds_its_buttons_when_zoomed(page: Any) -> None:
+    page.resize(640, 360)
+    page.ask("document.body.classList.remove('few-rows')")
+    page.next_frames()
+    bar, last = page.ask("[bar, plotter].map((node) => node.getBoundingClientRect().right)")
     assert last <= bar
-    opened.ask("document.body.classList.add('few-rows')")
-    opened.resize(**size)
 
 
 def test_cards_beside_a_panel_do_not_overlap_on_a_projector(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
