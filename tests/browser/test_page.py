@@ -370,6 +370,16 @@ def test_dragging_turns_the_camera(calm: Any) -> None:
     wait_until(calm.page, f"RR1.stage.camera.position.distanceTo(new RR1.THREE.Vector3(...{before})) > 0.05")
 
 
+def test_a_view_that_is_framed_while_the_camera_still_turns_stays(calm: Any) -> None:
+    calm.page.mouse.move(480, 350)
+    calm.page.mouse.down()
+    calm.page.mouse.move(600, 330, steps=4)
+    calm.page.mouse.up()
+    framed = calm.ask("(RR1.look([1, 0, 0.5]), RR1.stage.camera.position.toArray())")
+    calm.next_frames()
+    np.testing.assert_allclose(calm.ask("RR1.stage.camera.position.toArray()"), framed, atol=1e-9)
+
+
 def test_more_arms_are_not_more_things_to_draw(calm: Any, planar2r: rp.Robot) -> None:
     def drawn_things(count: int) -> int:
         scene = rp.Scene()

@@ -204,6 +204,7 @@ class Stage {
     });
     const distance = Math.max(...tiles.map((tile) => tile.distance)), [x0, x1, y0, y1] = seen(distance);
     this.shifts = this.shiftsIn(tiles.map(({ room }) => room), (x0 + x1) / 2, (y0 + y1) / 2);
+    this.stopTurning();
     this.controls.target.copy(center);
     this.camera.position.copy(center).addScaledVector(eye, distance);
     this.camera.near = distance / 200;
@@ -212,6 +213,13 @@ class Stage {
     this.fitLens();
     this.controls.update();
     this.meshcat.set_dirty();
+  }
+
+  /** Ends a damped rotation, the rest of which would move the camera from where it is put now. */
+  stopTurning() {
+    this.controls.enableDamping = false;
+    this.controls.update();
+    this.controls.enableDamping = true;
   }
 
   /** Shift that centers a point of the picture in a free area of each tile; equal heights in a row of tiles, equal sides in a column. */
