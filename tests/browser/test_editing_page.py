@@ -177,6 +177,20 @@ def test_what_is_picked_is_what_rays_of_three_js_meet(calm: Any) -> None:
     assert wrong == []
 
 
+def test_points_are_projected_by_the_camera_as_it_is_even_before_the_next_frame(calm: Any) -> None:
+    before, at_once, later = calm.ask(
+        """() => {
+        const at = () => { const { x, y } = RR1.editing.picker.project({ x: 0.1, y: 0.2, z: 0.3 }); return [x, y]; };
+        const found = [at()];
+        RR1.look([0.2, 1, 0.5]);
+        found.push(at());
+        RR1.stage.camera.updateMatrixWorld();
+        return [...found, at()];
+    }"""
+    )
+    assert at_once == later != before
+
+
 def test_jacobian_and_manipulability_agree_with_ours(calm: Any, problem: rp.Problem) -> None:
     kinematics = rp.Kinematics(problem.scene)
     frame = f"{problem.arms[0]}/tool"

@@ -27,6 +27,7 @@ class Picker {
   /** Projects a point of the world to the window: {x, y} [px], and whether it is in front of the camera. */
   project({ x, y, z }) {
     const { camera, pane } = this.viewer.stage, box = pane.getBoundingClientRect();
+    camera.updateMatrixWorld();
     const at = cameraPoint(x, y, z).project(camera);
     return { x: box.left + ((at.x + 1) / 2) * box.width, y: box.top + ((1 - at.y) / 2) * box.height, front: Math.abs(at.z) < 1 };
   }
