@@ -449,6 +449,17 @@ def test_a_plan_around_a_moved_obstacle_is_valid_for_the_referee(calm: Any, prob
     np.testing.assert_array_equal(played(calm, problem).coefficients, original.coefficients)
 
 
+def test_the_report_stays_open_while_the_least_clearance_is_measured(calm: Any) -> None:
+    calm.ask("() => { RR1.editing.background.run = () => new Promise((done) => { window.measured = done; }); }")
+    assert calm.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    calm.page.click("#badge")
+    assert "the least of" not in calm.page.inner_text("#report")
+    calm.ask("() => window.measured({ value: 0.0123, time: 0.1 })")
+    wait_until(calm.page, "document.getElementById('facts').textContent.includes('12.3 mm')")
+    assert "the least of" in calm.page.inner_text("#report")
+    assert calm.page.locator("#report").is_visible()
+
+
 def test_start_and_goal_by_hand(calm: Any, problem: rp.Problem) -> None:
     checker = rp.CollisionChecker(problem.scene)
     low, high = np.array(calm.ask("RR1.limits")).T

@@ -466,8 +466,10 @@ class Editing {
       report.margins.clearance = { value: least.value, unit: "m", subject: [], time: least.time };
       report.not_checked["clearance between samples"] = `the least of ${CLEARANCE_SAMPLES + 1} instants is shown`;
     }
+    const isOpen = !find("report").hidden;
     this.headline = null;
     this.refreshHeadline();
+    if (isOpen) find("badge").click(); // a report that is being read stays open
     const { omitted } = this.viewer, tone = report.certified && !omitted ? "good" : "open";
     if (find("answer").textContent.startsWith(said)) this.card.say(`${said}, ${inWords(least.value, omitted)}.`, tone);
   }
