@@ -230,7 +230,7 @@ class Dragging {
       if (!from || !to) return;
       const by = to.sub(from);
       if (mode === "lift") by.set(0, 0, Math.abs(forward.z) > 0.98 ? (begin.clientY - now.clientY) * 1e-3 * viewer.world.span : by.z);
-      else if (thing.kind === "obstacle" && normal !== vertical) by.setZ(0);
+      else if (thing.kind === "obstacle") by.setZ(0);
       put(shifted(T, by.clampLength(0, farthest)));
     };
   }
