@@ -64,7 +64,10 @@ function withoutInside(geometry, { shape, pose }, slack) {
     capsule: (p) => Math.hypot(p.x, p.y, Math.max(0, Math.abs(p.z) - shape.length / 2)) <= shape.radius + slack,
   }[shape.kind];
   if (!inside || !geometry.index) return geometry;
-  const { position } = geometry.attributes, T = new THREE.Matrix4().fromArray(pose).invert(), p = new THREE.Vector3();
+  const { position } = geometry.attributes, T = new THREE.Matrix4().fromArray(pose), p = new THREE.Vector3();
+  if (!geometry.boundingBox) geometry.computeBoundingBox();
+  if (!shapeBox(shape).expandByScalar(slack).applyMatrix4(T).intersectsBox(geometry.boundingBox)) return geometry;
+  T.invert();
   const hidden = Array.from({ length: position.count }, (_, i) => inside(p.fromBufferAttribute(position, i).applyMatrix4(T)));
   const index = [...geometry.index.array], kept = [];
   for (let i = 0; i < index.length; i += 3) {
