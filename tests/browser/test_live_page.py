@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from queue import Queue
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -126,29 +127,28 @@ sys.stdin.read()
 """
 
 
-def run_program(port: int, name: str, q: float) -> subprocess.Popen[str]:
+def run_program(port: int, name: str, q: float) -> tuple[subprocess.Popen[str], str]:
+    """A program that shows a scene of a name at a port (0: a free one), and the address of its page."""
     command = [sys.executable, "-c", PROGRAM, str(port), name, str(q)]
     program = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert program.stdout is not None
-    assert program.stdout.readline() == f"http://127.0.0.1:{port}/\n"
-    return program
+    return program, program.stdout.readline().strip()
 
 
 def test_pages_come_back_when_a_killed_program_is_started_again(browser: Any) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     tab = Tab(browser.new_page()).page
-    with run_program(port, "first", 0.5) as program:
-        tab.goto(f"http://127.0.0.1:{port}/")
+    program, url = run_program(0, "first", 0.5)
+    with program:
+        tab.goto(url)
         wait_until(tab, f"{CONNECTED} && RR1.q[0] === 0.5")
         tab.evaluate("window.loaded = 'by the first program'")
         program.kill()
     wait_until(tab, "!document.getElementById('status').hidden")
     assert "not answering" in tab.evaluate("document.getElementById('status').textContent")
     with tab.expect_navigation():
-        program = run_program(port, "second", 0.75)
+        program, again = run_program(urlsplit(url).port or 0, "second", 0.75)
     with program:
+        assert again == url
         wait_until(tab, f"{CONNECTED} && RR1.q[0] === 0.75")
         assert tab.evaluate("[document.title, typeof window.loaded]") == ["second", "undefined"]
         assert tab.evaluate("document.getElementById('status').hidden")
