@@ -69,8 +69,7 @@ class SenderClock:
         arrival = self._arrival if arrival is None else arrival
         now, newest, elapsed = time + self._shift, last - self._shift, arrival - self._arrival
         if now > last:
-            # With elapsed <= 0 the arrival is unknown, or messages arrived together.
-            if elapsed <= 0.0 or arrival - now >= self.least_offset - _AHEAD:
+            if not self._is_ahead(now, arrival, elapsed):
                 return now, None
             said = f"the sender's clock went from {newest:.3f} s to {time:.3f} s in {elapsed:.3g} s"
             return last + elapsed, StreamError("clock", f"{said}: it goes on from there")
@@ -80,4 +79,10 @@ class SenderClock:
         if len(self._late) < _IN_A_ROW:
             return None, StreamError("order", f"the message of {time:.3f} s came after that of {newest:.3f} s")
         said = f"the sender's clock went back from {newest:.3f} s to {self._late[0]:.3f} s: it goes on from there"
-        return last + max(elapsed, time - self._late[0]), StreamError("restart", said)
+        now = last + max(elapsed, time - self._late[0])
+        return last + elapsed if self._is_ahead(now, arrival, elapsed) else now, StreamError("restart", said)
+
+    def _is_ahead(self, now: float, arrival: float, elapsed: float) -> bool:
+        """Whether a message of a continued time arrived earlier than it was measured, compared with earlier ones."""
+        # With elapsed <= 0 the arrival is unknown, or messages arrived together.
+        return elapsed > 0.0 and arrival - now < self.least_offset - _AHEAD

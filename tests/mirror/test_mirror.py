@@ -449,6 +449,16 @@ def test_intervals_without_messages_in_a_file_are_faults(plan: rp.Trajectory, tm
     assert len(list(rp.read_states(tmp_path / "s.jsonl", silence=3.0))) == 4
 
 
+def test_a_clock_that_jumps_ahead_right_after_a_restart_goes_on(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    stream = messages(plan, start=1000.0)
+    sent = restarted(stream, 20, gone=0.0)
+    sent[22:] = [replace(m, time=m.time + 900.0) for m in sent[22:]]
+    with rp.Mirror(scene, plan) as mirror:
+        mirror.run(sent)
+        assert mirror.state is not None
+        assert mirror.state.time == pytest.approx(stream[-1].time, abs=0.003)
+
+
 def test_late_and_repeated_messages_are_no_restart(scene: rp.Scene, plan: rp.Trajectory) -> None:
     stream = messages(plan)
     with rp.Mirror(scene, plan) as mirror:
