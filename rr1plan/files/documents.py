@@ -124,8 +124,8 @@ def _bounded_yaml(text: str) -> list[object]:
     # Most scenes are not YAML, and importing the parser takes time.
     import yaml
 
-    class Loader(yaml.SafeLoader):
-        """PyYAML's loader, without copying of merged mappings into each other, and without repeated keys."""
+    class Checks(yaml.constructor.SafeConstructor):
+        """PyYAML's constructor, without copying of merged mappings into each other, and without repeated keys."""
 
         def flatten_mapping(self, node: yaml.MappingNode) -> None:
             for key, _ in node.value:
@@ -144,4 +144,11 @@ def _bounded_yaml(text: str) -> list[object]:
                 seen.add(name)
             return mapping
 
-    return list(yaml.load_all(text, Loader))
+    # The parser in C takes a fifth of the time.
+    parser = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+    try:
+        return list(yaml.load_all(text, type("Loader", (Checks, parser), {})))
+    except yaml.MarkedYAMLError as error:
+        if error.problem == "exceeded maximum nesting depth":
+            raise RecursionError from error
+        raise
