@@ -63,6 +63,7 @@ def save_rosbag(
     message = sampled_message(trajectory, dt, lead, rename)
     if os.path.lexists(target):
         raise InputError(f"{target} exists already, a bag is written to a new folder")
+    check_writable(target)
     try:
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=".rr1plan.", ignore_cleanup_errors=True) as folder:
             bag = FilePath(folder) / target.name

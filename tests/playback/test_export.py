@@ -86,7 +86,7 @@ def test_bad_arguments_are_named(motion: rp.Trajectory, tmp_path: Path, monkeypa
     (tmp_path / "there").mkdir()
     with pytest.raises(InputError, match="exists already"):
         save_rosbag(tmp_path / "there", motion)
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.raises(InputError, match=r"cannot write .*where: there is no folder .*no$"):
         save_rosbag(tmp_path / "no" / "where", motion)
     with pytest.raises(InputError, match="dt is 0"):
         save_rosbag(tmp_path / "bag", motion, dt=0.0)
