@@ -28,8 +28,8 @@ def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathli
         dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
-        InputError: the trajectory does not end at rest, a joint whose name ends with a space, another suffix, or the
-            file cannot be written.
+        InputError: the trajectory does not end at rest, a joint whose name ends with a space or has a carriage return,
+            another suffix, or the file cannot be written.
     """
     return write_text(check_writable(file, ".csv"), csv_text(trajectory, dt))
 
@@ -46,12 +46,15 @@ def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
         dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
-        InputError: the trajectory does not end at rest, or a joint whose name ends with a space.
+        InputError: the trajectory does not end at rest, or a joint whose name ends with a space or has a carriage
+            return.
     """
     times, *columns = sample_within_limits(trajectory, dt)
     for name in trajectory.joint_names:
-        if name != name.rstrip():
-            raise InputError(f"joint {name!r} ends with a space, which CSV files do not keep; save as .json")
+        if name != name.rstrip() or "\r" in name:
+            raise InputError(
+                f"joint {name!r} ends with a space or has a carriage return, which CSV files do not keep; save as .json"
+            )
     kinds = [(kind, values) for kind, values in zip("qva", columns, strict=True) if values is not None]
     header = ["t", *(f"{kind}:{name}" for kind, _ in kinds for name in trajectory.joint_names)]
     rows = np.column_stack([times, *(values for _, values in kinds)]).tolist()

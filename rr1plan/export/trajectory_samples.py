@@ -58,9 +58,11 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
         tick: Times from the start are multiples of this [s] (default: no constraint).
 
     Raises:
-        InputError: the trajectory does not end at rest, or too many samples.
+        InputError: the trajectory has no joints, does not end at rest, or too many samples.
     """
     of_kind("trajectory", trajectory, Trajectory)
+    if not trajectory.joint_names:
+        raise InputError("the trajectory has no joints, of which this kind of file has values; save as .json")
     times = _times(trajectory, dt)
     _check_rest_at_end(trajectory)
     continuous = _is_continuous(trajectory, 1)

@@ -46,9 +46,17 @@ def test_names_of_any_letters_come_back(tmp_path: FilePath, name: str) -> None:
     assert load_csv(save_csv(tmp_path / "t.csv", still)).allclose(still, atol=0.0)
 
 
-def test_a_name_whose_end_a_reader_would_drop_is_not_written(tmp_path: FilePath) -> None:
-    with pytest.raises(InputError, match="joint 'a/b ' ends with a space"):
-        save_csv(tmp_path / "t.csv", Trajectory.rest(("a/b ",), [0.5]))
+@pytest.mark.parametrize(
+    ("names", "fault"),
+    [
+        (("a/b ",), "joint 'a/b ' ends with a space"),
+        (("a/b\rc",), r"joint 'a/b\\rc' ends with a space or has a carriage return"),
+        ((), "the trajectory has no joints"),
+    ],
+)
+def test_a_motion_that_csv_does_not_keep_is_not_written(tmp_path: FilePath, names: tuple[str, ...], fault: str) -> None:
+    with pytest.raises(InputError, match=fault):
+        save_csv(tmp_path / "t.csv", Trajectory.rest(names, [0.5] * len(names)))
     assert not (tmp_path / "t.csv").exists()
 
 
