@@ -107,6 +107,18 @@ def test_a_box_on_a_slope_slides_beyond_its_friction_angle_only(friction: float,
             assert way == pytest.approx(0.5 * speed + 0.5 * expected * 0.25, rel=0.12)  # its edges bite a little
 
 
+@pytest.mark.parametrize("size", [(2.4, 1.6, 0.04), (1.0, 1.0, 1.0)])
+def test_a_cylinder_that_lies_on_a_level_table_does_not_roll(size: tuple[float, float, float]) -> None:
+    scene = rp.Scene().with_obstacle("table", rp.Box(size), [0.4, 0.0, -size[2] / 2])
+    for k, yaw in enumerate((0.0, 0.3, 1.0)):
+        T = pose([0.4, 0.3 * k - 0.25, 0.015], rpy=[0.0, np.pi / 2, yaw])
+        scene = scene.with_obstacle(f"rod{k}", rp.Cylinder(0.015, 0.3), T, mass=0.15)
+    sim = rp.Simulation(scene)
+    sim.run(duration=1.5)
+    for name in sim.body_names:
+        np.testing.assert_allclose(sim.body_pose(name)[:2, 3], scene.obstacles[name].pose[:2, 3], atol=1e-4)
+
+
 def test_a_stack_of_boxes_stays() -> None:
     scene = FLOOR.with_obstacles(rp.stack_bodies(box(), 6, gap=0.0))
     sim = rp.Simulation(scene)

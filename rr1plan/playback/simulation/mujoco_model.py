@@ -307,6 +307,8 @@ class _Builder:
         # With MuJoCo's default, pyramidal cones, bodies held by friction creep, and contacts get softer with the square
         # of the friction coefficient: at 10 boxes sink into each other.
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        # With MuJoCo's default, 1e-6 m, contact points are 0.1 mm off, and a cylinder that lies on a level table rolls.
+        option.ccd_tolerance = 1e-10
         if solver == "newton":
             option.impratio = 10.0  # with few iterations of "cg", it would cost penetration
         else:
