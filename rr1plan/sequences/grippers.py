@@ -76,12 +76,15 @@ def only_gripper_joint(robot: Robot) -> str:
         InputError: there is none, or more than one.
     """
     joints = gripper_joints(robot)
-    if len(joints) != 1:
-        found = f"{len(joints)} ({', '.join(joints)})" if joints else "no"
-        raise InputError(
-            f"robot {robot.name!r} has {found} locked joints in its hand, expected one that moves its fingers"
-        )
-    return joints[0]
+    if len(joints) == 1:
+        return joints[0]
+    found = f"{len(joints)} locked joints ({', '.join(joints)})" if joints else "no locked joint"
+    advice = (
+        "let the others mimic one of them (<mimic> in URDF)"
+        if joints
+        else "if one of its planning joints does, load it with joints= or groups= that leave this joint out"
+    )
+    raise InputError(f"robot {robot.name!r} has {found} in its hand, expected one that moves its fingers: {advice}")
 
 
 def finger_contacts(robot: Robot, arm: str, thing: str) -> frozenset[Pair]:

@@ -107,5 +107,15 @@ def test_a_gripper_state_without_joints_of_the_gripper_is_refused(rr1: rp.Robot)
 
 
 def test_a_gripper_without_fingers_is_refused(planar2r: rp.Robot) -> None:
-    with pytest.raises(rp.InputError, match="expected one that moves its fingers"):
+    said = "no locked joint in its hand, expected one that moves its fingers: .* joints= or groups= that leave this"
+    with pytest.raises(rp.InputError, match=said):
         rp.Sequence(rp.Scene().with_arm("arm", planar2r), [rp.MoveGripper(width=0.01)])
+
+
+def test_a_gripper_of_independent_fingers_is_refused(rr1: rp.Robot) -> None:
+    joints = tuple(replace(joint, mimic=None) for joint in rr1.joints)
+    locked = {**rr1.locked_joints, "opposite_finger_joint": 0.0}
+    robot = replace(rr1, joints=joints, locked_joints=locked)
+    said = r"2 locked joints \(finger_joint, opposite_finger_joint\) in its hand, .*: let the others mimic one"
+    with pytest.raises(rp.InputError, match=said):
+        rp.Sequence(rp.Scene().with_arm("arm", robot), [rp.MoveGripper(width=0.01)])
