@@ -106,7 +106,10 @@ class SequenceReplay(Value):
             for one in self.objects.values()
         ]
         if not self.carried:
-            lines.append("  not carried: a firmer grasp may hold, by squeeze of MoveGripper or stiffness of the servos")
+            lines.append(
+                "  not carried: a firmer grasp may hold, by squeeze of MoveGripper or stiffness of the servos; if it "
+                "moves outward in turns only, take a smaller dt"
+            )
         lines += [f"  {remark}" for remark in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"

@@ -53,7 +53,7 @@ def simulate_sequence(
 
     Args:
         plan: The sequence, found.
-        dt: Time of a step [s].
+        dt: Time of a step [s]. Held objects move outward in turns, by dt / 2 times the centripetal acceleration.
         record_dt: Time between recorded positions [s].
         stiffness: Natural frequency of the joint servos [rad/s]; that of the fingers determines the grasp force
             (default: 200, or 0.8 / dt if that is lower, because stiffer servos oscillate).

@@ -48,6 +48,7 @@ def test_without_friction_the_block_stays_behind(moved: rp.SequencePlan) -> None
     assert not slippery
     assert not slippery.carried
     assert "a firmer grasp may hold, by squeeze of MoveGripper" in str(slippery)
+    assert "if it moves outward in turns only, take a smaller dt" in str(slippery)
     block = slippery.objects["block"]
     assert block.poses[:, 2, 3].max() < 0.06
     assert block.final_offset > 0.1
