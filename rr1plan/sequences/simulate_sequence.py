@@ -9,6 +9,7 @@ import numpy as np
 
 from rr1plan.checks import Array, check_callback, number_from_zero, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
+from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import usual_stiffness
 from rr1plan.playback.simulation.recorder import Recorder
 from rr1plan.playback.simulation.simulation import Simulation, step_count
@@ -136,17 +137,11 @@ def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
 
 def _drive_fingers(sim: Simulation, plan: SequencePlan, stiffness: float) -> None:
     """Add the inertia of their drives to fingers, with servos of a natural frequency [rad/s], critically damped."""
+    levers = _finger_levers(plan)
     for tile in sim.tiles:
         model, light = tile.model, False
         for column, name in enumerate(tile.world.joint_names):
-            arm, joint = name.split("/", 1)
-            robot, own = plan.scene.arms[arm].robot, plan.gripper_joints.get(arm, ())
-            mimic = robot.joint(joint).mimic
-            if not {joint, *(() if mimic is None else (mimic.joint,))} & set(own):
-                continue
-            slides = model.jnt_type[column] == mujoco.mjtJoint.mjJNT_SLIDE
-            lever = 1.0 if slides else finger_lever(robot, own[0]) if len(own) == 1 else 0.0
-            least, carried = _FINGER_INERTIA * lever**2, float(model.dof_M0[column])
+            least, carried = _FINGER_INERTIA * levers.get(name, 0.0) ** 2, float(model.dof_M0[column])
             if carried < least:
                 model.dof_armature[column] += least - carried
                 # Not in proportion: servos of fingers of milligrams are based on more than the inertia they carry.
@@ -155,6 +150,23 @@ def _drive_fingers(sim: Simulation, plan: SequencePlan, stiffness: float) -> Non
         if light:
             mujoco.mj_setConst(model, mujoco.MjData(model))
             tile.refresh()
+
+
+def _finger_levers(plan: SequencePlan) -> dict[str, float]:
+    """How far fingers travel for each unit of a joint that moves them [m/rad or m/m], by "arm/joint"."""
+    joints, levers = JointMap(plan.scene), {}
+    for i, (name, slides) in enumerate(zip(joints.names, joints.slides, strict=True)):
+        leader = joints.followers.get(name, name)
+        arm, joint = leader.split("/", 1)
+        own = plan.gripper_joints.get(arm, ())
+        rates = np.zeros(len(joints.names))
+        rates[joints.index[leader]] = 1.0
+        gain = abs(float(joints.follow(rates, rates=True)[i]))
+        if joint in own and slides:
+            levers[name] = 1.0
+        elif own == (joint,) and gain > 0.0:
+            levers[name] = finger_lever(plan.scene.arms[arm].robot, joint) / gain
+    return levers
 
 
 def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
