@@ -29,6 +29,8 @@ _PLATE_WIDTH, _PLATE_LENGTH = 0.002, 0.5
 _SIDE = 1e-4
 # Fingers whose direction of travel is this near to the x axis travel along it [rad].
 _STRAIGHT = 1e-3
+# A finger on the opposite side travels by at least this share of the other one's travel.
+_OPPOSITE = 0.1
 # A change of the opening small enough to be linear [rad or m].
 _STEP = 1e-3
 
@@ -230,12 +232,18 @@ def grip_frame(robot: Robot) -> Array:
     """T_tool_grip: the tool frame rotated about its z axis until x is along the travel of the fingers.
 
     Raises:
-        InputError: a gripper without exactly one joint.
+        InputError: a gripper without exactly one joint, or one that closes from one side only.
     """
     opened, closed = (_finger_centers(robot, v) for v in _open_and_closed(robot, only_gripper_joint(robot)))
     travels = (opened - closed) @ robot.link_poses(robot.home)[robot.tool][:3, :2]
     # In a linkage some shapes turn about their own centers.
     x, y = travels[np.linalg.norm(travels, axis=1).argmax()]
+    if (travels @ [x, y]).min() > -_OPPOSITE * (x * x + y * y):
+        raise InputError(
+            f"the gripper of robot {robot.name!r} closes from one side only, expected fingers that close from opposite "
+            "sides; use grasps of your own, position or around of MoveGripper, and allow the fixed jaw to touch the "
+            "object"
+        )
     # Both fingers travel, so the sign of the direction does not matter.
     angle = (float(np.arctan2(y, x)) + np.pi / 2 - _STRAIGHT) % np.pi - np.pi / 2 + _STRAIGHT
     return pose(rpy=[0.0, 0.0, 0.0 if abs(angle) < _STRAIGHT else angle])

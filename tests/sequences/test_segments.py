@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.sequences.grippers import opening_value
 
 POSE = rp.PoseGoal("tool", [0.1, 0.2, 0.3])
 
@@ -119,3 +120,16 @@ def test_a_gripper_of_independent_fingers_is_refused(rr1: rp.Robot) -> None:
     said = r"2 locked joints \(finger_joint, opposite_finger_joint\) in its hand, .*: let the others mimic one"
     with pytest.raises(rp.InputError, match=said):
         rp.Sequence(rp.Scene().with_arm("arm", robot), [rp.MoveGripper(width=0.01)])
+
+
+def test_a_gripper_with_a_fixed_jaw_has_no_width(rr1: rp.Robot) -> None:
+    joints = tuple(
+        replace(joint, kind="fixed", mimic=None) if joint.name == "opposite_finger_joint" else joint
+        for joint in rr1.joints
+    )
+    scene = rp.Scene().with_arm("arm", replace(rr1, joints=joints))
+    with pytest.raises(rp.InputError, match=r"the gripper of robot 'rr1' closes from one side only, .* fixed jaw"):
+        opening_value(scene.arms["arm"].robot, 0.02)
+    scene = scene.with_obstacle("block", rp.Box((0.02, 0.02, 0.04)), [0.3, 0.0, 0.02])
+    with pytest.raises(rp.InputError, match=r"cannot grasp 'block' from above, .* closes from one side only"):
+        rp.top_grasps(scene, "block")
