@@ -12,16 +12,15 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
-from rr1plan.checks import Seed, as_generator, as_seed, known_name, number_from_zero, true_or_false
+from rr1plan.checks import Seed, as_generator, as_seed, known_name, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
 from rr1plan.import_clock import import_clock
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.planners import chosen_planner, plan, planner_names
-from rr1plan.planners.goal_configurations import joint_goals
+from rr1plan.planners import chosen_planner, planner_names
+from rr1plan.planners.margin_search import halved_margin, plan_with_margin
 from rr1plan.planners.shortcut import shorten as shorten_path
-from rr1plan.planners.timeout_hints import split_budget
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_plan_arguments
 from rr1plan.planning_constants import SHORTCUTS, TREES
 from rr1plan.retiming import retime, retiming_names
@@ -66,9 +65,12 @@ def plan_motion(
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) are not.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm if it has none),
-            for an arm with tracking errors of a fraction of a millimeter. It is halved until the clearance of start and
-            goal is twice as large, and is zero if no configuration found for a goal pose has it, or if no path with it
-            is found but one without, for which a tenth of the budget (at most 1 s) is reserved.
+            for an arm with tracking errors of a fraction of a millimeter. All elements that move relative to each other
+            keep it along the whole motion. It is halved, up to seven times, until the clearance of start and goal is
+            twice as large and, for a goal pose, a configuration has it. If no path with it is found but one without, by
+            a search that is sixteen times as short or in the last tenth of the budget (at most 1 s), it is halved until
+            a brief search finds a path, and is zero if none does. `motion.margin` is what was kept. Because of the
+            halving, a larger margin may keep less than a smaller one: of 5 mm, 2 mm keep 2 mm, and 8 mm keep 4 mm.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When to stop the planner (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -103,7 +105,7 @@ def plan_motion(
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
-        result, margin = _plan_with_margin(problem, margin, chosen, budget or Budget(), seed, progress)
+        result, margin = plan_with_margin(problem, margin, chosen, budget or Budget(), seed, progress)
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
@@ -128,32 +130,6 @@ def plan_motion(
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report, _judge=judge)
-
-
-def _plan_with_margin(
-    problem: Problem, margin: float, planner: Planner, budget: Budget, seed: int, progress: ProgressCallback | None
-) -> tuple[PlanResult, float]:
-    """The result of a planner, and the margin that its search kept: zero if only a search without it finds a path."""
-
-    def search(margin: float, budget: Budget) -> PlanResult:
-        return plan(problem.with_margin(margin), planner=planner, budget=budget, rng=seed, progress=progress)
-
-    if margin == 0.0:
-        return search(0.0, budget), 0.0
-    most, rest = split_budget(budget)
-    result = search(margin, most)
-    if result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
-        return search(0.0, budget), 0.0
-    if result.status is not PlanStatus.TIMEOUT:
-        return result, margin
-    reason = f"{result.reason}; the search kept {1000.0 * margin:.3g} mm beyond the padding (option margin)"
-    if rest is not None:
-        # A passage may be narrower than the margin, and easily found without it.
-        without = search(0.0, rest)
-        if without.status is not PlanStatus.TIMEOUT:
-            return without, 0.0
-        reason += ", and a brief one without found no path"
-    return replace(result, reason=reason), margin
 
 
 def _known_planner(planner: str | Planner) -> str | Planner:
@@ -263,30 +239,6 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
 
         warm_up_agents(problem)
     moving_scene(problem.scene, problem.joint_names)
-
-
-def halved_margin(problem: Problem, margin: float) -> float:
-    """The margin [m], halved until the clearance of start and goal is twice as large; 0 after seven halvings.
-
-    Of several goal configurations the one with the largest clearance counts; goal poses are not considered, because
-    their configurations are not known yet. Elements that do not move relative to each other do not count.
-
-    Raises:
-        InputError: negative or not finite.
-    """
-    margin = number_from_zero("margin", margin)
-    # The checker that will plan with the margin computes the clearance beyond it.
-    with checker_from_pool(problem.scene, problem.arms, margin) as checker:
-        checker.warm_up()
-        rest = checker.moving_clearance(problem.start, margin)
-        goals = joint_goals(problem)
-        if goals is not None:
-            rest = min(rest, max(checker.moving_clearance(q, margin) for q in goals))
-    clearance = margin + rest
-    return next(
-        (part for part in (margin * 0.5**k for k in range(TREES.margin_halvings + 1)) if 2.0 * part <= clearance),
-        0.0,
-    )
 
 
 @contextmanager

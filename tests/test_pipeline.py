@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import pickle
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import rr1plan as rp
 from rr1plan import pipeline
 from rr1plan.collision import checker as checkers
 from rr1plan.multi import agents
-from rr1plan.pipeline import halved_margin
+from rr1plan.planners.margin_search import halved_margin
 from rr1plan.transforms import pose
 from rr1plan.validation import referee_scene as referee_scenes
 from rr1plan.validation.compiled_search import TOUCH
@@ -221,8 +222,8 @@ def test_a_search_that_ran_out_of_budget_says_which_margin_it_kept() -> None:
         assert kept in motion.result.reason if kept else "beyond the padding" not in motion.result.reason
 
 
-def test_a_passage_narrower_than_the_margin_is_found_without() -> None:
-    """A wall with a gap of 1 mm more than a ball: half the margin on each side."""
+def ball_before_a_gap(gap: float) -> rp.Scene:
+    """A sliding ball, and a wall with a gap [m] in addition to the ball's diameter: half of it on each side."""
     links = (rp.Link("base"), rp.Link("cart"), rp.Link("ball", collisions=(rp.Geometry("ball", rp.Sphere(0.05)),)))
     slide = {"lower": -1.0, "upper": 1.0}
     joints = (
@@ -233,11 +234,17 @@ def test_a_passage_narrower_than_the_margin_is_found_without() -> None:
     robot = rp.Robot("ball", links, joints, ("x", "y"), limits, {"home": np.zeros(2)}, {}, frozenset(), "ball")
     scene = rp.Scene().with_arm("arm", robot)
     for name, side in (("left", -1.0), ("right", 1.0)):
-        scene = scene.with_obstacle(name, rp.Box((0.1, 2.0, 0.2)), [0.0, side * 1.0505, 0.0])
+        scene = scene.with_obstacle(name, rp.Box((0.1, 2.0, 0.2)), [0.0, side * (1.05 + 0.5 * gap), 0.0])
+    return scene
+
+
+def test_a_passage_narrower_than_the_margin_is_found_with_a_smaller_one() -> None:
+    scene = ball_before_a_gap(0.001)
     problem = rp.Problem(scene, [-0.5, 0.0], [0.5, 0.0])
     motion = rp.plan_motion(problem, rng=0, budget=rp.Budget(iterations=1000))
     assert motion.valid
-    assert motion.margin == 0.0
+    assert 0.0 < motion.margin < 0.0005
+    assert motion.report.margins["clearance"].value >= motion.margin
     closed = problem.in_scene(scene.with_obstacle_at("left", [0.0, -1.04, 0.0]))
     motion = rp.plan_motion(closed, rng=0, budget=rp.Budget(iterations=1000))
     assert motion.status is rp.PlanStatus.TIMEOUT
@@ -246,7 +253,27 @@ def test_a_passage_narrower_than_the_margin_is_found_without() -> None:
     )
 
 
-def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
+def test_a_margin_that_blocks_is_halved_long_before_the_budget_ends() -> None:
+    problem = rp.Problem(ball_before_a_gap(0.02), [-0.5, 0.3], [0.5, -0.3])
+    searches: list[float] = []
+
+    def progress(part: rp.Progress) -> None:
+        searches.extend([part.fraction] if part.stage == "rrt_connect" else [])
+
+    long = rp.Budget(math.inf, 10_000_000)
+    motion = rp.plan_motion(problem, rng=0, margin=0.02, budget=long, progress=progress)
+    assert searches == sorted(searches)
+    assert searches[-1] < 0.1
+    assert motion.margin == 0.005
+    assert motion.report.margins["clearance"].value >= 0.005
+    again = rp.plan_motion(problem, rng=0, margin=0.02, budget=rp.Budget(600.0))
+    assert (again.path.waypoints == motion.path.waypoints).all()
+    # A search that needs no smaller margin is not affected.
+    kept = rp.plan_motion(problem, rng=0, margin=0.005, budget=long)
+    assert kept.margin == 0.005
+
+
+def test_a_margin_that_no_goal_configuration_has_is_halved() -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     tip = scene.link_poses({"arm": np.zeros(2)})["arm/tool"][:3, 3]
     scene = scene.with_obstacle("ball", rp.Sphere(0.05), tip + np.array([0.0, 0.0, 0.15]))
@@ -256,7 +283,8 @@ def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
     for problem in (rp.Problem(scene, [2.0, 0.5], near), rp.Problem(scene, [2.0, 0.5], near).with_margin(0.2)):
         motion = rp.plan_motion(problem, margin=0.2, rng=0)
         assert motion.valid
-        assert motion.margin == 0.0
+        assert 0.2 * clear < motion.margin <= 0.51 * clear
+        assert motion.report.margins["clearance"].value >= motion.margin
 
 
 def test_setting_up_is_not_at_the_expense_of_the_budget(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:

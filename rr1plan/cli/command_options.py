@@ -52,7 +52,7 @@ def plan_options(parser: Parser) -> None:
         "--margin",
         type=distance,
         metavar="D",
-        help="distance to keep beyond the scene's padding [m], reduced where start or goal are closer (default: 0.002)",
+        help="distance to keep beyond the scene's padding [m], reduced where there is less room (default: 0.002)",
     )
     parser.add_argument("--torque-limits", action="store_true", help="also keep the joints' effort limits")
     parser.add_argument("--seconds", type=positive, default=10.0, help="budget of wall time [s] (%(default)s)")

@@ -18,7 +18,7 @@ from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planners.ompl_planners import KINDS, OmplPlanner
 from rr1plan.planners.planner_contract import checked_result
 from rr1plan.planners.roadmap import Roadmap, RoadmapPlanner
-from rr1plan.planners.rrt_connect import RrtConnect
+from rr1plan.planners.rrt_connect import PausingRrtConnect, RrtConnect
 from rr1plan.planners.timeout_hints import split_budget, with_hint
 from rr1plan.planning import (
     Budget,
@@ -39,6 +39,7 @@ __all__ = [
     "RoadmapPlanner",
     "RrtConnect",
     "chosen_planner",
+    "find_path",
     "is_own",
     "make_planner",
     "plan",
@@ -67,7 +68,9 @@ _OWN: Mapping[str, Callable[[], Planner]] = MappingProxyType(
     }
 )
 # Planners whose results need no check.
-_TRUSTED = frozenset({RrtConnect, AnytimePlanner, RoadmapPlanner, Roadmap, CartesianPlanner, OmplPlanner})
+_TRUSTED = frozenset(
+    {RrtConnect, PausingRrtConnect, AnytimePlanner, RoadmapPlanner, Roadmap, CartesianPlanner, OmplPlanner}
+)
 
 
 class _Registered(NamedTuple):
@@ -200,10 +203,16 @@ def plan(
     check_plan_arguments(problem, budget, progress)
     chosen = chosen_planner(planner)
     search, rest = split_budget(budget or Budget())
-    if type(chosen) in _TRUSTED:
-        result = chosen.plan(problem, budget=search, rng=rng, progress=progress)
-    else:
-        result = checked_result(chosen, problem, search, rng, progress)
+    result = find_path(problem, chosen, search, rng, progress)
     if result.status is not PlanStatus.TIMEOUT or rest is None or chosen.keeps_shape:
         return result
     return with_hint(problem, result, rest, progress)
+
+
+def find_path(
+    problem: Problem, planner: Planner, budget: Budget, rng: Seed, progress: ProgressCallback | None
+) -> PlanResult:
+    """Like `plan` with arguments that are known to be valid, without a hint why a search failed."""
+    if type(planner) in _TRUSTED:
+        return planner.plan(problem, budget=budget, rng=rng, progress=progress)
+    return checked_result(planner, problem, budget, rng, progress)

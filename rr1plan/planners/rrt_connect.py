@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from rr1plan.checks import Seed, number_from_zero, true_or_false
 from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
-from rr1plan.planners.tree_search import TreeSearch
+from rr1plan.planners.tree_search import SearchPause, TreeSearch
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.scene.problem import Problem
 
@@ -27,6 +27,7 @@ class RrtConnect(Planner):
     """
 
     name = "rrt_connect"
+    _pause: SearchPause | None = None
 
     def __init__(self, *, range: float = 0.0, tree: bool = False) -> None:
         self.range = number_from_zero("range", range)
@@ -53,8 +54,16 @@ class RrtConnect(Planner):
     def _search(self, query: Query) -> PlanResult:
         """The result of growing both trees."""
         search = TreeSearch(query, self.range)
-        met = search.connect()
+        met = search.connect(pause=self._pause)
         tree = search.trees.explored(joined=met) if self.tree else None
         if met:
             return query.result(PlanStatus.FOUND, search.trees.path(), tree=tree)
         return query.unsolved(search.describe(), tree=tree)
+
+
+class PausingRrtConnect(RrtConnect):
+    """An RRT-Connect that calls a function when it has used many samples."""
+
+    def __init__(self, planner: RrtConnect, pause: SearchPause) -> None:
+        super().__init__(range=planner.range, tree=planner.tree)
+        self._pause = pause

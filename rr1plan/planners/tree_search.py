@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
@@ -20,7 +21,12 @@ from rr1plan.planning_constants import TREES
 _SHORTEST = 1e-4  # smallest allowed step, as a share of the diagonal
 _CAPACITY = 256  # initial capacity of each tree in vertices
 _SLICE = 500  # samples before the first search for further goals; the number doubles for each later one
+_FIRST_PAUSE, _NEXT_PAUSE = 16_000, 4  # samples before the first pause, and the factor from one to the next
 _PROOF = 8000  # samples before a proof is tried that there is no path, which takes a tenth of a second
+
+
+SearchPause = Callable[[int], bool]
+"""Called with the number of samples so far when a search has used many; returns whether to end it."""
 
 
 class TreeSearch:
@@ -49,17 +55,19 @@ class TreeSearch:
         self._pace = Pace()
         self._slice = query.iterations + _SLICE
 
-    def connect(self, bound: float = math.inf, samples: int = NO_LIMIT) -> bool:
+    def connect(self, bound: float = math.inf, samples: int = NO_LIMIT, *, pause: SearchPause | None = None) -> bool:
         """Grow new trees until they are connected, or a limit or the budget is reached. Returns whether they are.
 
         Args:
             bound: Longest path [rad or m] (inf: any).
             samples: Most samples.
+            pause: Called after 16,000 samples, and whenever there are four times as many.
         """
         query, trees = self.query, self.trees
         trees.restart(query.space.lower, query.space.extent, self._step, self._domain, bound)
         begin = query.iterations
         last = begin + min(samples, query.most - begin)
+        next_pause = NO_LIMIT if pause is None else begin + _FIRST_PAUSE
         connected = proof_tried = False
         while not connected and query.iterations < last and query.in_time():
             stop = min(query.iterations + self._pace.next(), last)
@@ -73,6 +81,11 @@ class TreeSearch:
                         if query.prove_separated():
                             break
                 stop = min(stop, self._slice)
+            if pause is not None and query.iterations >= next_pause:
+                next_pause *= _NEXT_PAUSE
+                if pause(query.iterations):
+                    break
+            stop = min(stop, next_pause)
             connected = trees.grow(self.state, stop - begin, query.motion)
             query.iterations = begin + trees.samples
         query.edges += trees.edges
