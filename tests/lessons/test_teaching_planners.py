@@ -208,3 +208,22 @@ def test_a_roadmap_joins_a_start_and_a_goal_that_are_close() -> None:
     record = rp.grow_prm(rp.Problem(scene, [0.1, 0.2], [1.0, 0.2]), samples=1)
     assert record.cost == pytest.approx(0.9)
     assert record.edges_checked[0] == 1
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("limits", [False, True], ids=["wraps", "limits"])
+def test_a_start_that_is_the_goal_has_a_path_of_length_zero(name: str, limits: bool, problem: rp.Problem) -> None:
+    asked = limited() if limits else problem
+    record = ALL[name](rp.Problem(asked.scene, asked.start, rp.JointGoal(asked.start)))
+    assert record.cost == 0.0
+    assert record.costs[0] == 0.0 or name in ("A*", "Dijkstra")
+
+
+@pytest.mark.parametrize("name", ["RRT", "RRT*"])
+def test_the_goal_is_one_vertex_of_a_tree(name: str, problem: rp.Problem) -> None:
+    for seed in range(20):
+        record = GROW[name](problem, samples=200, goal_bias=1.0 if seed == 0 else 0.3, rng=seed)
+        space = SearchSpace(problem)
+        assert sum(space.is_goal(q) for q in record.vertices) <= 1
+        for _, path in record.paths:
+            assert np.linalg.norm(np.diff(path, axis=0), axis=1).min() > 1e-9

@@ -9,6 +9,9 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.scene.problem import JointGoal, Problem
 
+# Distance below which two configurations are equal [rad or m].
+_EQUAL = 1e-9
+
 
 class SearchSpace:
     """Joint space of a problem of one arm.
@@ -53,6 +56,10 @@ class SearchSpace:
     def distance(self, a: Array, b: Array) -> Array:
         """Length of the shortest difference from a to b [rad or m], shape (...)."""
         return np.asarray(np.linalg.norm(self.difference(a, b), axis=-1))
+
+    def is_goal(self, q: Array) -> bool:
+        """Whether a configuration is the goal, up to whole turns and rounding."""
+        return bool(self.distance(q, self.goal) <= _EQUAL)
 
     def steer(self, a: Array, b: Array, step: float) -> Array:
         """The point toward b along the shortest edge from a, at most `step` from a."""

@@ -80,17 +80,19 @@ def grow_rrt(
     bias = _share(goal_bias)
     note = SearchRecorder("RRT", space)
     tree = _Tree(note, space.start)
+    if space.is_goal(space.start):
+        note.add_path([0])
     note.step()
     for _ in range(samples):
+        if np.isfinite(note.best):
+            break
         q = space.goal if generator.random() < bias else space.sample(generator)
         note.add(SAMPLE, point=q)
         new = tree.extend(q, step)
-        near = new is not None and space.distance(note.vertices[new], space.goal) <= step
-        if new is not None and near and note.edge_is_free(new, space.goal):
-            note.add_path(tree.chain(tree.add(space.goal, new)))
+        goal = None if new is None else _join_goal(tree, new, step)
+        if goal is not None:
+            note.add_path(tree.chain(goal))
         note.step()
-        if np.isfinite(note.best):
-            break
     return note.record()
 
 
@@ -109,8 +111,12 @@ def grow_rrt_connect(problem: Problem, *, step: float = 0.3, samples: int = 2000
     space, step, samples, generator = _checked(problem, step, samples, rng)
     note = SearchRecorder("RRT-Connect", space)
     trees = [_Tree(note, space.start, 0), _Tree(note, space.goal, 1)]
+    if space.is_goal(space.start):
+        note.add_path([0])
     note.step()
     for k in range(samples):
+        if np.isfinite(note.best):
+            break
         active, other = trees[k % 2], trees[(k + 1) % 2]
         q = space.sample(generator)
         note.add(SAMPLE, point=q)
@@ -125,8 +131,6 @@ def grow_rrt_connect(problem: Problem, *, step: float = 0.3, samples: int = 2000
             first, second = (new, joined) if active.side == 0 else (joined, new)
             note.add_path([*trees[0].chain(first), *trees[1].chain(second)[-2::-1]])
         note.step()
-        if np.isfinite(note.best):
-            break
     return note.record()
 
 
@@ -156,7 +160,9 @@ def grow_rrt_star(
     bias = _share(goal_bias)
     note = SearchRecorder("RRT*", space)
     tree, costs = _Tree(note, space.start), {0: 0.0}
-    goal = -1
+    goal = 0 if space.is_goal(space.start) else None
+    if goal is not None:
+        note.add_path([goal])
     # The constant of Karaman and Frazzoli, theorem 38, with the volume of the whole space instead of its free part, and
     # that of the unit ball.
     volume, dimension = float(np.prod(space.upper - space.lower)), len(space.start)
@@ -164,7 +170,7 @@ def grow_rrt_star(
     constant = 2.0 * ((1.0 + 1.0 / dimension) * volume / ball) ** (1.0 / dimension)
     note.step()
     for _ in range(samples):
-        q = space.goal if goal < 0 and generator.random() < bias else space.sample(generator)
+        q = space.goal if goal is None and generator.random() < bias else space.sample(generator)
         note.add(SAMPLE, point=q)
         near = tree.nearest(q)
         to = space.steer(note.vertices[near], q, step)
@@ -174,13 +180,23 @@ def grow_rrt_star(
         count = len(tree.members) + 1
         radius = min(constant * (np.log(count) / count) ** (1.0 / dimension), step)
         new = _join_cheapest(tree, costs, to, near, radius)
-        if goal < 0 and space.distance(to, space.goal) <= step and note.edge_is_free(new, space.goal):
-            goal = tree.add(space.goal, new)
-            costs[goal] = costs[new] + float(space.distance(to, space.goal))
-        if goal >= 0:
+        if goal is None:
+            goal = _join_goal(tree, new, step)
+            if goal is not None:
+                costs[goal] = costs[new] + float(space.distance(to, space.goal))
+        if goal is not None:
             note.add_path(tree.chain(goal))
         note.step()
     return note.record()
+
+
+def _join_goal(tree: _Tree, vertex: int, step: float) -> int | None:
+    """The vertex at the goal: this one, or a new one if a free edge of at most `step` leads there; else None."""
+    note, space = tree.note, tree.note.space
+    if space.is_goal(note.vertices[vertex]):
+        return vertex
+    near = space.distance(note.vertices[vertex], space.goal) <= step
+    return tree.add(space.goal, vertex) if near and note.edge_is_free(vertex, space.goal) else None
 
 
 def _join_cheapest(tree: _Tree, costs: dict[int, float], q: Array, near: int, radius: float) -> int:
