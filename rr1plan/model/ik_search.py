@@ -26,7 +26,8 @@ NEAR = 2.0
 _UNLIMITED_STARTS = 40
 # Distance from the faces of a region, and position tolerance of a flat region [m].
 _REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
-DISTINCT, DISTINCT_REDUNDANT = 1e-3, 0.2
+# Least distance between two solutions, and between two of infinitely many [rad or m].
+_DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
 # Starts between two returns to Python, e.g. for Ctrl-C.
 _CHUNK = 256
 _CAPACITY = 16
@@ -97,7 +98,7 @@ class IkSearch:
             column_count=robot.nq,
             position_tolerance=self.position_tolerance,
             orientation_tolerance=self.orientation_tolerance,
-            separation=DISTINCT_REDUNDANT if robot.nq > fixed else DISTINCT,
+            separation=separation(chain, fixed),
             solutions=self._solutions,
             nearest=self._nearest,
             nearest_squared=np.inf,
@@ -225,6 +226,16 @@ class IkSearch:
             self._struct.set(solutions=self._solutions)
         found = load_library().rr1_search_ik(self._struct, self._state, starts - self._tried_before)
         return self._solutions[count].copy() if found else None
+
+
+def separation(chain: Chain, fixed: int) -> float:
+    """The least distance between two solutions [rad or m].
+
+    Args:
+        chain: The kinematic chain of the frame.
+        fixed: Number of coordinates of the frame that the goal fixes, 0 to 6.
+    """
+    return _DISTINCT_REDUNDANT if len(np.unique(chain.joints[:, 1])) > fixed else _DISTINCT
 
 
 def sampling_box(robot: Robot) -> tuple[Array, Array]:

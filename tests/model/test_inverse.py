@@ -1,5 +1,6 @@
 """Inverse kinematics: solutions are right, existing solutions are found, and missing ones are explained."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -117,6 +118,26 @@ def test_solutions_of_a_redundant_arm_are_apart(redundant_arm):
     for k, a in enumerate(solutions):
         for b in solutions[:k]:
             assert np.abs(difference(redundant_arm, a, b)).max() > 0.2
+
+
+def test_a_finger_does_not_make_an_arm_redundant(wrist_arm):
+    """Two elbows that differ by a tenth of a radian are two solutions, also where a further joint moves a finger."""
+    finger = rp.Joint("finger", "revolute", "l5", "claw", pose(), np.array([0.0, 0.0, 1.0]), -0.5, 0.5)
+    was = wrist_arm.limits
+    with_finger = replace(
+        wrist_arm,
+        links=(*wrist_arm.links, rp.Link("claw")),
+        joints=(*wrist_arm.joints, finger),
+        joint_names=(*wrist_arm.joint_names, "finger"),
+        limits=rp.Limits(np.append(was.lower, -0.5), np.append(was.upper, 0.5), *(np.ones(7) for _ in range(4))),
+        configurations={"home": np.zeros(7)},
+    )
+    q = np.array([0.4, 0.7, 0.05, 0.3, 0.8, -0.2])
+    goal = PoseGoal("tool", Kinematics(wrist_arm).pose(q))
+    alone = solve_ik(Kinematics(wrist_arm), goal, seeds=q, rng=0).solutions
+    both = solve_ik(Kinematics(with_finger), goal, seeds=np.append(q, 0.1), rng=0).solutions
+    assert len(alone) == len(both) == 8
+    np.testing.assert_allclose(both[:, 6], 0.1)
 
 
 def test_continuous_joints_come_out_near_the_seed(odd_arm):

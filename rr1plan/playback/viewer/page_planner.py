@@ -34,7 +34,7 @@ from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.kernels.random_state import random_state
 from rr1plan.kernels.wasm_core import core_module
 from rr1plan.model.ik_descent import METERS_PER_RADIAN
-from rr1plan.model.ik_search import DISTINCT, DISTINCT_REDUNDANT, NEAR, SHARE, WHOLE, IkSearch
+from rr1plan.model.ik_search import NEAR, SHARE, WHOLE, IkSearch, separation
 from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.model.kinematic_chain import chain_of
 from rr1plan.planning_constants import BLENDS, SHORTCUTS, TIMING, TREES
@@ -246,14 +246,16 @@ def _frame(scene: Scene, name: str, checker: CollisionChecker) -> dict[str, obje
     arm = name.removeprefix("tool of ")
     robot, goal = scene.arms[arm].robot, PoseGoal("tool", np.eye(4))
     before = checker.arms[: checker.arms.index(arm)]
+    first = sum(scene.arms[other].robot.nq for other in before)
+    chain = chain_of(checker.model.arm_model, f"{arm}/{robot.tool}", first)
     tolerances = np.array([goal.position_tolerance, goal.orientation_tolerance])
     return {
         "name": f"{arm}/{robot.tool}",
         "arm": arm,
         "search": name,
-        "first": sum(scene.arms[other].robot.nq for other in before),
+        "first": first,
         "weight": METERS_PER_RADIAN,
         "tolerances": [(share * tolerances).tolist() for share in (SHARE, WHOLE)],
-        "separations": [DISTINCT_REDUNDANT if robot.nq > fixed else DISTINCT for fixed in (3, 6)],
+        "separations": [separation(chain, fixed) for fixed in (3, 6)],
         "near": NEAR**2,
     }
