@@ -37,7 +37,7 @@ SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
 # Wider meshes are probably in millimeters [m].
 _WIDEST = 50.0
 # Read without colors: these files have none, or one for each vertex.
-_COLORLESS = (".stl", ".obj", ".ply")
+_COLORLESS = (".stl", ".obj")
 GLTF = (".gltf", ".glb")
 # Before a vertex or face of an OBJ; one with a comment; a face with a vertex that is not counted from 1 on; the
 # vertices of a face.
@@ -73,8 +73,8 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         scale: Factor of each axis, shape (3,); negative ones mirror.
 
     Returns:
-        One part for each color; STL, OBJ and PLY have one part without a color. A texture or colors of vertices count
-        with their mean.
+        One part for each color; STL and OBJ have one part without a color (an OBJ's are in a material file).
+        A texture or colors of vertices or faces count with their mean.
 
     Raises:
         FormatError: an unknown suffix, or a file that cannot be read, is too large, or contains no triangle or a number

@@ -612,6 +612,16 @@ def test_a_texture_counts_with_its_mean_color(tmp_path: Path, damaged: bool) -> 
     np.testing.assert_allclose(part.color, (*expected, 1.0), atol=0.004)
 
 
+@pytest.mark.parametrize("kind", ["vertex_colors", "face_colors"])
+def test_a_ply_brings_its_color(tmp_path: Path, kind: str) -> None:
+    ball = trimesh.creation.icosphere(radius=0.1)
+    ball.export(tmp_path / "plain.ply")
+    assert read_mesh(tmp_path / "plain.ply")[0].color is None
+    setattr(ball.visual, kind, [0, 255, 0, 51])
+    ball.export(tmp_path / "ball.ply")
+    np.testing.assert_allclose(read_mesh(tmp_path / "ball.ply")[0].color, (0.0, 1.0, 0.0, 0.2))
+
+
 def test_colors_of_vertices_count_with_their_mean(tmp_path: Path) -> None:
     balls = trimesh.Scene()
     for k, color in enumerate(([255, 0, 0, 255], [0, 0, 255, 102])):
