@@ -80,8 +80,9 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         "shape of 'sheet'.*flat",
     ),
     "no_problem": (lambda s: rp.plan_motion(None), rp.InputError, "expected Problem"),
-    "usd_robot": (lambda s: rp.load_robot("robot.usd"), rp.InputError, "suffix '.usd', expected .urdf, .xacro or .xml"),
-    "sdf_scene": (lambda s: rp.load_scene("cell.sdf"), rp.InputError, "suffix '.sdf', expected one of .toml"),
+    "usd_robot": (lambda s: rp.load_robot("a.usd"), rp.InputError, "'.usd', expected .urdf, .xacro or .xml .*export"),
+    "sdf_scene": (lambda s: rp.load_scene("a.sdf"), rp.InputError, "'.sdf', expected one of .toml.*sdformat-mjcf"),
+    "sdf_robot": (lambda s: rp.load_robot("a.sdf"), rp.InputError, "'.sdf', expected .urdf.*sdformat-mjcf"),
     "budget_text": (lambda s: rp.Budget("5"), rp.InputError, "seconds of the budget .* '5'"),
     "configuration_durations": (
         lambda s: rp.load_robot("rr1").configuration([np.timedelta64(1, "s")] * 6),

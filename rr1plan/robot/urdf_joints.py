@@ -145,7 +145,7 @@ def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, 
     limit = element.child("limit")
     if limit is None:
         if kind != "continuous":
-            raise element.error(f"{kind} joint {name!r} has no <limit>")
+            raise element.error(f"{kind} joint {name!r} has no <limit>; add lower, upper, velocity and effort")
         return -np.inf, np.inf, np.inf, np.inf
     velocity = _rate(limit, name, "velocity")
     effort = limit.number("effort", np.inf)

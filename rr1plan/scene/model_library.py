@@ -30,7 +30,8 @@ from rr1plan.shapes.convex_decomposition import Convexity
 
 _URDF_SUFFIXES, _MJCF_SUFFIXES = (".urdf", ".xacro"), (".xml", ".mjcf")
 # USD and SDF, which are not read.
-_FOREIGN_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz", ".sdf", ".world")
+_SDF_SUFFIXES = (".sdf", ".world")
+_FOREIGN_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz", *_SDF_SUFFIXES)
 _SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
 # In an MJCF scene, contacts of each with each stationary link are allowed one by one.
 _MOST_SURROUNDINGS = 1000
@@ -202,6 +203,7 @@ def locate_robot(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Pa
     if isinstance(name_or_file, Path) or len(file.parts) > 1 or _is_foreign(file) or file.exists():
         raise InputError(
             f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
+            f"{_conversion(file)}"
         )
     more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf, .xacro or MJCF file."
     raise UnknownNameError("robot", name_or_file, (*robot_names(), *installed), more)
@@ -210,6 +212,13 @@ def locate_robot(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Pa
 def _is_foreign(file: Path) -> bool:
     """Whether a name is that of a file in another program's format, rather than the name of a model with a dot."""
     return file.suffix.lower() in _FOREIGN_SUFFIXES
+
+
+def _conversion(file: Path) -> str:
+    """How to convert a file in another program's format, as the end of a message; empty for others."""
+    if file.suffix.lower() in _SDF_SUFFIXES:
+        return "; the package sdformat-mjcf converts SDF to MJCF"
+    return "; export it as URDF or MJCF from the program that wrote it" if _is_foreign(file) else ""
 
 
 def _read_mjcf(
@@ -359,5 +368,7 @@ def _scene_file(name_or_file: str | Path) -> Path:
         or (name not in scene_names() and file.exists())
     ):
         expected = ", ".join(_SCENE_SUFFIXES)
-        raise InputError(f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}")
+        raise InputError(
+            f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}{_conversion(file)}"
+        )
     return models_folder() / "scenes" / f"{known_name('scene', name, scene_names())}.toml"
