@@ -11,7 +11,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
-from rr1plan.lessons.lesson_scenes import require_query
+from rr1plan.lessons.lesson_scenes import length_unit, require_query
 from rr1plan.lessons.mathml import math
 from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, fastest_motion, path_grid
 from rr1plan.lessons.search.shortcut_steps import Shortcut, record_shortcuts
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _STEP, _SEED, _TRIES, _SHORTCUT_SEED = 0.4, 3, 60, 1
 BLENDS = (0.0, 0.03, 0.1, 0.4)
 JERKS = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
-"""Jerk limits that the last step compares [rad/s³]."""
+"""Jerk limits that the last step compares [rad/s³ or m/s³]."""
 # Colors of the path before and after shortcuts, of blends, the limit curve and braking; safe for color blindness.
 RAW, SHORT, BLENDED, LIMIT, BRAKE = "#8b97a6", "#0072b2", "#d55e00", "#a3428f", "#00805c"
 
@@ -65,6 +65,11 @@ class MotionLesson(Lesson):
         self.path = Path(problem.joint_names, self.shortcuts[-1].path)
         self.picture = cspace(problem.scene, problem)
         self.steps = _steps(self)
+
+    @property
+    def unit(self) -> str:
+        """The unit of path lengths, with a space before it; none if one joint turns and the other one slides."""
+        return length_unit(self.picture.grid.turns)
 
     @cached_property
     def grids(self) -> dict[float, PathGrid]:
@@ -163,7 +168,8 @@ class MotionLesson(Lesson):
         axes.plot([], [], color=BRAKE, lw=2.6, label="slower")
         switches = list(plane.switches)
         axes.plot(s[switches], plane.speed[switches], "o", color="#22262b", ms=5, label="switching points")
-        axes.set(xlim=(0, s[-1]), ylim=(0, plane.limit.max() * 1.1), xlabel="s [rad]", ylabel="ṡ [rad/s]")
+        axes.set(xlim=(0, s[-1]), ylim=(0, plane.limit.max() * 1.1))
+        axes.set(xlabel=_label("s", self.unit), ylabel=_label("ṡ", self.unit, "/s"))
         axes.set_title(f"phase plane: {plane.duration:.2f} s", fontsize=13, loc="left")
         axes.legend(fontsize=9, loc="lower right", bbox_to_anchor=(1.01, 0.98), ncols=4, frameon=False)
 
@@ -172,7 +178,9 @@ class MotionLesson(Lesson):
         motion = seven_phases(1.2, *limits)
         times = np.linspace(0.0, motion.duration, 600)
         states, ends = motion.state(times), np.concatenate([[0.0], np.cumsum(motion.durations)])
-        names = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]", "jerk [rad/s³]")
+        unit = length_unit(self.picture.grid.turns[:1])  # the limits are those of the first joint
+        rows = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"))
+        names = [_label(name, unit, rate) for name, rate in rows]
         for k, (axes, name) in enumerate(zip(plots, names, strict=True)):
             for phase in range(7):
                 axes.axvspan(ends[phase], ends[phase + 1], color="#e9edf1" if phase % 2 == 0 else "white", lw=0)
@@ -192,11 +200,16 @@ class MotionLesson(Lesson):
         axes.plot(JERKS, found["smooth"], "o-", color=SHORT, lw=2, label="stops, jerk limit (Ruckig)")
         axes.axhline(found["stop"], color="#22262b", ls="--", label="stops, no jerk limit")
         axes.axhline(found["blend"], color=BLENDED, ls="-.", label="blends, no jerk limit")
-        axes.set(xscale="log", xlabel="jerk limit [rad/s³]", ylabel="duration [s]", ylim=(0, None))
+        axes.set(xscale="log", xlabel=_label("jerk limit", self.unit, "/s³"), ylabel="duration [s]", ylim=(0, None))
         axes.set_xticks([10, 100, 1000], ["10", "100", "1000"])
         axes.set_title("what a jerk limit costs", fontsize=13, loc="left")
         axes.legend(fontsize=9)
         axes.spines[["top", "right"]].set_visible(False)
+
+
+def _label(name: str, unit: str, rate: str = "") -> str:
+    """The label of an axis; without a unit if joints of both kinds are measured together."""
+    return f"{name} [{unit.strip()}{rate}]" if unit else name
 
 
 def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
@@ -206,13 +219,14 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
     )
     taken = sum(shortcut.free for shortcut in lesson.shortcuts)
     a, j = float(lesson.limits.acceleration[0]), float(lesson.limits.jerk[0])
-    found = lesson.durations
+    found, unit = lesson.durations, lesson.unit
+    jerk_unit = f"{unit}/s³" if unit else ""
     rows = (
         (
             "path",
             "What a planner returns",
             f"""<p>RRT-Connect computes a <b>path</b>: {len(clean(lesson.raw))} waypoints, joined by straight lines in
-            joint space, certified free. It is jagged, {before:.2f} rad long, and has no time: how fast may the arm
+            joint space, certified free. It is jagged, {before:.2f}{unit} long, and has no time: how fast may the arm
             go, and what happens at the corners?</p><p>Drive it (D): with a stop at every corner it is slow.</p>""",
         ),
         (
@@ -220,8 +234,8 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
             "Shortcuts",
             f"""<p>Choose two random points of the path. If the straight line between them is free, it replaces the part
             between them; if not (dotted, ✕), nothing changes. No try makes the path longer: {taken} of
-            {len(lesson.shortcuts)} tries are taken, and {before:.2f} rad become {after:.2f} rad. Step through them with
-            the slider.</p> <p>(Geraerts, Overmars 2007)</p>""",
+            {len(lesson.shortcuts)} tries are taken, and {before:.2f}{unit} become {after:.2f}{unit}. Step through them
+            with the slider.</p> <p>(Geraerts, Overmars 2007)</p>""",
         ),
         (
             "blend",
@@ -262,7 +276,7 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
             "What a jerk limit costs",
             f"""<p>The whole path: with stops and no jerk limit {found["stop"]:.2f} s, with blends
             {found["blend"]:.2f} s. Ruckig connects states of rest, so the jerk-limited motion stops at every
-            corner: at {JERKS[0]:g} rad/s³ {found["smooth"][0]:.2f} s, at {JERKS[-1]:g} rad/s³
+            corner: at {JERKS[0]:g}{jerk_unit} {found["smooth"][0]:.2f} s, at {JERKS[-1]:g}{jerk_unit}
             {found["smooth"][-1]:.2f} s. Each straight line takes about a/j longer, and stops at corners cost more than
             the jerk limit.</p>""",
         ),

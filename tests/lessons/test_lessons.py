@@ -330,6 +330,20 @@ def test_layers_that_are_ignored_do_not_count(lessons: dict[str, rp.Lesson]) -> 
     assert far[limited > 0].min() == pytest.approx(inner, abs=0.03)
 
 
+def test_the_motion_of_sliding_joints_is_in_meters() -> None:
+    arm = rp.planar_arm("PP", (0.6, 0.8), limits=((0.0, 1.5), (0.1, 0.8)))
+    scene = rp.Scene(name="gantry").with_arm("arm", arm, q=(0.2, 0.2))
+    scene = scene.with_obstacle("disc", rp.Cylinder(0.1, 0.1), (0.7, 0.3, 0.0))
+    lesson = rp.lesson("motion", scene, rp.Problem(scene, [0.2, 0.2], rp.JointGoal([1.4, 0.3])))
+    texts = {step.name: " ".join(step.text.split()) for step in lesson.steps}
+    assert f"{lesson.unit} long, and has no time" in texts["path"]
+    assert "at 10 m/s³" in texts["cost"]
+    figure = lesson.figure()
+    labels = {part for axes in figure.axes for part in (axes.get_xlabel(), axes.get_ylabel(), axes.get_title("left"))}
+    assert {"s [m]", "ṡ [m/s]", "velocity [m/s]", "jerk limit [m/s³]"} <= labels
+    assert not any("rad" in text for text in (*texts.values(), *labels))
+
+
 def test_texts_on_kinematics_are_about_the_arm_shown(tmp_path: Path) -> None:
     texts = {
         kinds: {step.name: " ".join(step.text.split()) for step in rp.lesson("kinematics", own_scene(kinds)).steps}
