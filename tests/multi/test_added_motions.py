@@ -6,6 +6,7 @@ import gc
 import pickle
 from dataclasses import replace
 from itertools import combinations, product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
+from rr1plan.multi import stopwatch
 from rr1plan.multi.execution import added_motions, running_routes
 from rr1plan.multi.execution.running_plan import stops_of
 from rr1plan.multi.execution.running_routes import running_route
@@ -425,12 +427,12 @@ def test_added_motions_keep_limits_of_jerk_and_torque(retiming: str, torque_limi
 def test_more_time_is_reserved_where_the_referee_computes_torques(
     rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    budgets = []
+    budgets: list[float] = []
 
-    class Clock(added_motions.Stopwatch):
-        def __init__(self, budget: float) -> None:
-            budgets.append(budget)
-            super().__init__(60.0)
+    class Clock(stopwatch.Stopwatch):
+        def with_deadline(self, seconds: float) -> stopwatch.Stopwatch:
+            budgets.append(seconds)
+            return stopwatch.Stopwatch(60.0)
 
     monkeypatch.setattr(added_motions, "Stopwatch", Clock)
     problem = rp.random_grid(rr1, 4, 0.8, 1)
@@ -438,6 +440,22 @@ def test_more_time_is_reserved_where_the_referee_computes_torques(
         plan = rp.RunningPlan.of(rp.plan_many_arms(problem, torque_limits=torque_limits, rng=0, budget=_BUDGET))
         assert rp.add_motion(plan, "arm01", "home", at=0.1, budget=Budget(seconds=1.0), rng=0)
     assert 0.5 <= budgets[1] < budgets[0] < 1.0
+
+
+def test_the_conversion_of_a_result_counts_toward_the_budget(rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = rp.plan_many_arms(rp.random_grid(rr1, 4, 0.8, 1), rng=0, budget=_BUDGET)
+    convert, now = rp.RunningPlan.of, [0.0]
+
+    def slowly(found: rp.ManyArmsResult) -> rp.RunningPlan:
+        now[0] += 2.0
+        return convert(found)
+
+    monkeypatch.setattr(stopwatch, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    monkeypatch.setattr(rp.RunningPlan, "of", slowly)
+    late = rp.add_motion(result, "arm01", "home", at=0.1, budget=Budget(seconds=1.0), rng=0)
+    assert not late
+    assert late.reason == "no time was left for a path of arm01, after 2 s (option budget)"
+    assert rp.add_motion(late.plan, "arm01", "home", at=0.1, budget=Budget(seconds=1.0), rng=0)
 
 
 def test_after_a_rejected_motion_another_one_is_tried(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -105,7 +105,8 @@ def add_motion(
     If the plan limits jerk or torques, a moving arm does not brake on its path but moves on to its next planned stop.
 
     Args:
-        plan: The running plan: a result of `plan_many_arms` or of `add_motion`.
+        plan: The running plan: a result of `plan_many_arms`, or `AddedMotion.plan`. The first call with a result
+            converts it, which `RunningPlan.of(result)` does in advance.
         arm: The arm; it may still be moving.
         goal: Its new goal, which replaces the previous one: a goal, a configuration (nq,) or its name, or a list of
             alternatives.
@@ -123,12 +124,13 @@ def add_motion(
         InputError: no plan, a time before its beginning, a goal that does not fit the arm.
         UnknownNameError: the plan does not move this arm.
     """
+    of_kind("budget", budget, Budget, optional=True)
+    at, freeze = finite_number("at", at), finite_number("freeze", freeze)
+    watch = Stopwatch(max(freeze, _SHORTEST) if budget is None else budget.seconds)
     if not isinstance(plan, RunningPlan):
         of_kind("plan", plan, ManyArmsResult)
         plan = RunningPlan.of(plan)
-    of_kind("budget", budget, Budget, optional=True)
     known_name("arm", arm, plan.arms)
-    at, freeze = finite_number("at", at), finite_number("freeze", freeze)
     if at + freeze > LATEST:
         raise InputError(f"at is {at} and freeze is {freeze}, expected times up to {LATEST:g} s")
     begin = plan.trajectory.start_time
@@ -136,8 +138,7 @@ def add_motion(
         raise InputError(
             f"at is {at} and freeze is {freeze}, expected a time of the plan from {begin:.3f} s on and a time >= 0"
         )
-    seconds = max(freeze, _SHORTEST) if budget is None else budget.seconds
-    watch = Stopwatch(seconds - _reserve(plan, at + freeze, seconds))
+    watch = watch.with_deadline(watch.left - _reserve(plan, at + freeze, watch.left))
     return _Change(plan, arm, goal, at + freeze, as_generator(rng), watch).run()
 
 

@@ -103,6 +103,8 @@ class SingleArmMotions:
             attempt: Collects what is found out.
             share: Share of the remaining time that may be used.
         """
+        if not self.has_time():
+            return
         stops = stops_of(self._plan, arm, self._present.now)
         attempt.goals = self._goals(self._present.agent(arm, stops[0].q, goal), attempt)
         until = self.watch.seconds + share * self.watch.left
@@ -185,11 +187,13 @@ class SingleArmMotions:
         return path
 
     def _is_safe_until(self, stop: Stop, arm: str, attempt: Attempt) -> bool:
-        """Whether a braking arm stays clear of others that relied on its original motion."""
+        """Whether a braking arm stays clear of others that relied on its original motion; False if time runs out."""
         if stop.braking is None:
             return True
         occupied, now = stop.before.occupancy, self._present.now
         for other in self._present.others(arm):
+            if not self.has_time():
+                return False
             blocked = self._present.blocked_times(stop.before.path, now, [other])
             for row, enter, leave in zip(*occupied, strict=True):
                 begins, ends = blocked.of(int(row))
