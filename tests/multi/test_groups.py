@@ -55,6 +55,21 @@ def test_arms_of_different_groups_never_touch(grid: rp.Problem, pools: dict[str,
     assert len(meeting_groups(dict.fromkeys(grid.arms, paths[grid.arms[0]]), near, diagrams)) == 1
 
 
+def test_arms_without_a_schedule_are_listed_by_their_scheduled_neighbors(
+    grid: rp.Problem, pools: dict[str, PathPool]
+) -> None:
+    one, two, three, four = grid.arms[:4]
+    near = {arm: frozenset(grid.arms) - {arm} for arm in grid.arms} | {four: frozenset({three})}
+    rng, watch = np.random.default_rng(0), Stopwatch(math.inf)
+    group = GroupSchedules([pools[arm] for arm in (one, two, three)], near, DiagramCache(), rng, watch)
+    assert group.why_unscheduled() == f"no schedule found for {one}, {two}, {three} among each other"
+    assert group.schedule(pools[one].agent, math.inf)
+    assert group.why_unscheduled() == f"no schedule found for {two}, {three} (among {one})"
+    group = GroupSchedules([pools[arm] for arm in (one, two, three, four)], near, DiagramCache(), rng, watch)
+    assert group.schedule(pools[one].agent, math.inf)
+    assert group.why_unscheduled() == f"no schedule found for {four}; {two}, {three} (among {one})"
+
+
 def test_groups_are_joined_without_work_after_the_deadline(grid: rp.Problem, pools: dict[str, PathPool]) -> None:
     near, diagrams, over = arms_in_reach(grid.scene, grid.arms, 0.002), DiagramCache(), Stopwatch(math.inf)
     one, two = (

@@ -231,17 +231,14 @@ class GroupSchedules(AgentSchedules):
         self.statistics.add_time("diagrams", began)
 
     def why_unscheduled(self) -> str:
-        """The agents without a schedule and the neighbors that have one, as text."""
-        texts: list[str] = []
-        together: list[str] = []
+        """The agents without a schedule, by the neighbors that have one, as text."""
+        among: dict[tuple[str, ...], list[str]] = {(): []}
         for agent in self.agents:
-            if agent in self.schedules:
-                continue
-            others = [arm for other in self.scheduled_neighbors(agent) for arm in other.arms]
-            if others:
-                texts.append(f"{' and '.join(agent.arms)} (among {', '.join(others)})")
-            else:
-                together += agent.arms
-        if together:
-            texts.insert(0, ", ".join(together) + (" among each other" if len(together) > 1 else ""))
+            if agent not in self.schedules:
+                others = tuple(arm for other in self.scheduled_neighbors(agent) for arm in other.arms)
+                among.setdefault(others, []).extend([" and ".join(agent.arms)] if others else agent.arms)
+        texts = []
+        for others, names in among.items():
+            suffix = f" (among {', '.join(others)})" if others else " among each other" if len(names) > 1 else ""
+            texts += [", ".join(names) + suffix] if names else []
         return f"no schedule found for {'; '.join(texts)}"
