@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
-from rr1plan.checks import Seed, as_generator, as_seed, known_name, true_or_false
+from rr1plan.checks import Seed, as_seed, known_name, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
@@ -90,12 +90,11 @@ def plan_motion(
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     check_plan_arguments(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
+    seed = as_seed(rng)
     planner = default_planner(problem, retiming) if planner is None else _known_planner(planner)
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
-        generator = as_generator(rng)
-        return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
-    seed = as_seed(rng)
+        return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, seed, progress)
     chosen = chosen_planner(planner)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
@@ -166,7 +165,7 @@ def _plan_many_arms(
     seconds: dict[str, float],
     margin: float | None,
     budget: Budget | None,
-    rng: Seed,
+    seed: int,
     progress: ProgressCallback | None,
 ) -> MotionPlan:
     """Plan a path for each arm, schedule them, and validate the motion of all."""
@@ -184,21 +183,21 @@ def _plan_many_arms(
                 improvement=improvement,
                 retiming=retiming,
                 torque_limits=torque_limits,
-                rng=rng,
+                rng=seed,
                 progress=progress,
             )
         if found.trajectory is None:
             result = PlanResult(
-                found.status, None, found.reason, planner, seconds=found.seconds, iterations=found.improvements
+                found.status, None, found.reason, planner, seed, seconds=found.seconds, iterations=found.improvements
             )
             return MotionPlan(problem, result, seconds, many_arms=found)
         with _timed(seconds, "validate", progress):
             judge = partial(validate, torque_limits=torque_limits, jerk_limits=retiming == "ruckig")
             report = judge(found.trajectory, problem.scene, problem, clearance=False)
     except CancelledError as error:
-        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
+        return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner, seed), seconds)
     reason = "each arm has its own path, see `many_arms.paths`"
-    result = PlanResult(found.status, None, reason, planner, seconds=found.seconds, iterations=found.improvements)
+    result = PlanResult(found.status, None, reason, planner, seed, seconds=found.seconds, iterations=found.improvements)
     return MotionPlan(
         problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found, _judge=judge
     )

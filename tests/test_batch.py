@@ -382,6 +382,9 @@ def test_problems_of_many_arms_are_planned_in_processes(rr1):
         assert two.many_arms.makespan == pytest.approx(two.trajectory.duration)
         assert one.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()
         assert {arm for s in two.many_arms.schedules for arm in s.path.agent.arms} == set(grid.arms)
+        # The seed of the result repeats it.
+        again = rp.plan_motion(grid, planner="many_arms", rng=two.result.seed, budget=rp.Budget(60.0))
+        assert again.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()
     # By default the same planner as plan_motion's, which depends on the number of arms.
     four = rp.random_grid(rr1, 4, 0.8, 1)
     (answer,) = rp.plan_many([four], rng=5, executor=InLine())
