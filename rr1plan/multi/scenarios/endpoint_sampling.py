@@ -97,7 +97,8 @@ def sample_configurations(
         if failures == 1:
             check_fixed_links(scene, advice)
         if failures > rounds or (not others and draws):
-            raise InputError(f"no free configuration found for {arm!r} among the others; {advice}")
+            among = " among the others" if others else ""
+            raise InputError(f"no free configuration found for {arm!r}{among}; {advice}")
         # Its neighbors may be at the place of its base: they are drawn again.
         again = [other for other in agents if other in near[arm] and other in placed]
         for other in again:
