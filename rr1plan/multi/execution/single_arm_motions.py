@@ -103,8 +103,6 @@ class SingleArmMotions:
             attempt: Collects what is found out.
             share: Share of the remaining time that may be used.
         """
-        if not self.has_time():
-            return
         stops = stops_of(self._plan, arm, self._present.now)
         attempt.goals = self._goals(self._present.agent(arm, stops[0].q, goal), attempt)
         until = self.watch.seconds + share * self.watch.left
