@@ -55,19 +55,18 @@ def test_arms_of_different_groups_never_touch(grid: rp.Problem, pools: dict[str,
     assert len(meeting_groups(dict.fromkeys(grid.arms, paths[grid.arms[0]]), near, diagrams)) == 1
 
 
-def test_arms_without_a_schedule_are_listed_by_their_scheduled_neighbors(
+def test_arms_without_a_schedule_are_listed_by_scheduled_neighbors_in_their_way(
     grid: rp.Problem, pools: dict[str, PathPool]
 ) -> None:
-    one, two, three, four = grid.arms[:4]
-    near = {arm: frozenset(grid.arms) - {arm} for arm in grid.arms} | {four: frozenset({three})}
-    rng, watch = np.random.default_rng(0), Stopwatch(math.inf)
-    group = GroupSchedules([pools[arm] for arm in (one, two, three)], near, DiagramCache(), rng, watch)
-    assert group.why_unscheduled() == f"no schedule found for {one}, {two}, {three} among each other"
+    one, two, three, far = *grid.arms[:3], grid.arms[-1]
+    near = {arm: frozenset(grid.arms) - {arm} for arm in grid.arms}
+    rng, watch, diagrams = np.random.default_rng(0), Stopwatch(math.inf), DiagramCache()
+    group = GroupSchedules([pools[arm] for arm in (one, two, three, far)], near, diagrams, rng, watch)
+    assert group.why_unscheduled() == f"no schedule found for {one}, {two}, {three}, {far} among each other"
     assert group.schedule(pools[one].agent, math.inf)
-    assert group.why_unscheduled() == f"no schedule found for {two}, {three} (among {one})"
-    group = GroupSchedules([pools[arm] for arm in (one, two, three, four)], near, DiagramCache(), rng, watch)
-    assert group.schedule(pools[one].agent, math.inf)
-    assert group.why_unscheduled() == f"no schedule found for {four}; {two}, {three} (among {one})"
+    assert group.why_unscheduled() == f"no schedule found for {two}, {three}, {far} (among {one})"
+    assert diagrams.diagram(pools[far].paths[0], pools[one].paths[0]) is None
+    assert group.why_unscheduled() == f"no schedule found for {far}; {two}, {three} (among {one})"
 
 
 def test_groups_are_joined_without_work_after_the_deadline(grid: rp.Problem, pools: dict[str, PathPool]) -> None:

@@ -231,14 +231,25 @@ class GroupSchedules(AgentSchedules):
         self.statistics.add_time("diagrams", began)
 
     def why_unscheduled(self) -> str:
-        """The agents without a schedule, by the neighbors that have one, as text."""
+        """The agents without a schedule, by the scheduled neighbors that may be in their way, as text."""
         among: dict[tuple[str, ...], list[str]] = {(): []}
         for agent in self.agents:
             if agent not in self.schedules:
-                others = tuple(arm for other in self.scheduled_neighbors(agent) for arm in other.arms)
+                others = self._possible_blockers(agent)
                 among.setdefault(others, []).extend([" and ".join(agent.arms)] if others else agent.arms)
         texts = []
         for others, names in among.items():
             suffix = f" (among {', '.join(others)})" if others else " among each other" if len(names) > 1 else ""
             texts += [", ".join(names) + suffix] if names else []
         return f"no schedule found for {'; '.join(texts)}"
+
+    def _possible_blockers(self, agent: Agent) -> tuple[str, ...]:
+        """The arms of scheduled neighbors with which not all paths of an agent are known to be free of conflicts."""
+        return tuple(
+            arm
+            for other in self.scheduled_neighbors(agent)
+            if not all(
+                self.diagrams.is_known_free(path, self.schedules[other].path) for path in self.pools[agent].paths
+            )
+            for arm in other.arms
+        )

@@ -79,6 +79,15 @@ class DiagramCache:
             self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
             return both
 
+    def is_known_free(self, one: AgentPath, two: AgentPath) -> bool:
+        """Whether the diagram of two paths has been computed, and all of it is free.
+
+        Args:
+            one: A path of an agent.
+            two: A path of another one.
+        """
+        return (one, two) in self._diagrams and self._diagrams[one, two] is None
+
     def keep_only(self, paths: Iterable[AgentPath]) -> None:
         """Delete all diagrams except those between some paths; not while other threads use the cache.
 
