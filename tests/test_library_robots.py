@@ -349,8 +349,8 @@ def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pyt
         f'<axis xyz="0 0 1"/>{LIMIT.format(-1, 1)}</joint></robot>'
     )
     arm.write_text(arm.read_text().replace("</robot>", branch))
-    assert rp.load_robot(arm).tool == "side"
-    advice = "all 4 joints are planned for, to the tool 'side'; groups=[('l0', 'l3')] leaves out 'd'"
+    assert rp.load_robot(arm).tool == "l3"
+    advice = "all 4 joints are planned for, to the tool 'l3'; groups=[('l0', 'l3')] leaves out 'd'"
     assert advice in caplog.text
     caplog.clear()
     assert rp.load_robot(arm, groups=[("l0", "l3")]).joint_names == ("a", "b", "c")
@@ -375,7 +375,9 @@ def test_a_gripper_without_an_srdf_is_planned_for_with_advice(
             '<link name="tcp"/><joint name="tcp_joint" type="fixed"><parent link="finger1"/><child link="tcp"/></joint>'
         )
     arm.write_text(arm.read_text().replace("</robot>", f"{fingers}</robot>"))
-    assert rp.load_robot(arm).joint_names == ("a", "b", "c", "finger1_joint")
+    whole = rp.load_robot(arm)
+    assert whole.joint_names == ("a", "b", "c", "finger1_joint")
+    assert whole.tool == "l3"
     assert "groups=[('l0', 'l3')] leaves out 'finger1_joint'" in caplog.text
     caplog.clear()
     alone = rp.load_robot(arm, groups=[("l0", "l3")])

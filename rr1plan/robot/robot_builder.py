@@ -94,7 +94,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         source=tree.source,
     )
     if not groups and choice.joints is None:
-        _warn_of_other_joints(tree, robot, choice.tool)
+        robot = _with_arm_end(tree, robot, choice.tool)
     robot = with_assumed_masses(robot)
     keeps_home = "home" in states and np.array_equal(robot.home, states["home"])
     robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, keeps_home)
@@ -106,8 +106,11 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     return robot
 
 
-def _warn_of_other_joints(tree: Tree, robot: Robot, tool: str | None) -> None:
-    """Log that fingers, wheels or a second arm are planned for, and which chain omits them."""
+def _with_arm_end(tree: Tree, robot: Robot, tool: str | None) -> Robot:
+    """The robot with the end of an arm as its tool, unless another one is chosen.
+
+    Logs that fingers, wheels or a second arm are planned for, and which chain omits them.
+    """
     finder = ArmFinder(tree)
     tip = tool or finder.named_tool(robot.base) or finder.hand(robot.base)
     if not finder.arm_joints(tip):  # a hand
@@ -115,6 +118,7 @@ def _warn_of_other_joints(tree: Tree, robot: Robot, tool: str | None) -> None:
     arm = finder.arm_joints(tip) or chain_joints(tree.joints, robot.base, tip)
     while len(finder.moving.intersection(chain_joints(tree.joints, robot.base, tip))) > len(arm):
         tip = finder.above[tip].parent  # above the fingers
+    robot = replace(robot, tool=tool or tip)
     others = [name for name in robot.joint_names if name not in arm]
     if others:
         left_out = repr(others[0]) + (f" and {len(others) - 1} more" if len(others) > 1 else "")
@@ -122,6 +126,7 @@ def _warn_of_other_joints(tree: Tree, robot: Robot, tool: str | None) -> None:
             "%s: all %d joints are planned for, to the tool %r; groups=[(%r, %r)] leaves out %s",
             robot.name, len(robot.joint_names), robot.tool, robot.base, tip, left_out,
         )  # fmt: skip
+    return robot
 
 
 def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
