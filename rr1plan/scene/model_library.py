@@ -124,10 +124,11 @@ def load_robot(
             with meshes in addition to the file's own.
         convex: Replacement of non-convex collision meshes: their "hull", or convex "pieces" (slow the first time, with
             a progress bar on a terminal; then cached on disk).
-        tool: The link that pose goals mean when they name none; by default the tip of the group's chain, or the last
-            link after the last planning joint, through fixed joints and joints that mimic planning joints. In MJCF
-            files it is a body or a site, and the joints between the base and the tool are planned for; by default a
-            site with a tool's name, or the body that holds the fingers.
+        tool: The link that pose goals mean when they name none; by default the tip of the group's chain; with `joints`,
+            the last link after the last of them, through fixed joints and joints that mimic planning joints; else a
+            link with a tool's name, or the end of the longest chain, before its fingers. In MJCF files it is a body or
+            a site, and the joints between the base and the tool are planned for; by default a site with a tool's name,
+            or the body that holds the fingers.
         xacro_arguments: Values of a xacro file's arguments; if given, even {}, a .urdf is expanded as well.
 
     Raises:

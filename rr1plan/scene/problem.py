@@ -30,6 +30,8 @@ from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_quaternion, unit_quaternion
 
+_GOALS = "a goal mapping from arm to goal, such as dict(zip(scene.arms, goals, strict=True)) or scene.split(q)"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class JointGoal(Value):
@@ -288,7 +290,7 @@ def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:
         return scene.arm_names(list(goal))
     if len(scene.arms) > 1:
         names = ", ".join(scene.arms)
-        raise InputError(f"which arm moves? expected a goal mapping from arm to goal, or arms=[...] of {names}")
+        raise InputError(f"which arm moves? expected {_GOALS}, or arms=[...] of {names}")
     return (scene.only_arm(),)
 
 
@@ -321,7 +323,7 @@ def _goals(scene: Scene, arms: tuple[str, ...], start: Array, goal: object) -> d
     elif len(arms) == 1:
         given = {arms[0]: goal}
     else:
-        raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
+        raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected {_GOALS}")
     starts = scene.split(start, arms)
     return {name: _alternatives(scene.arms[name].robot, name, given.get(name, starts[name])) for name in arms}
 
