@@ -407,7 +407,7 @@ def test_a_wall_before_all_of_several_goals_is_a_proof_unless_one_is_a_pose(meth
 
 @pytest.mark.usefixtures("processor_clock")
 def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
-    result = plan_many_arms(_sealed(planar2r), rng=0, budget=Budget(seconds=0.5))
+    result = plan_many_arms(_sealed(planar2r), rng=0, budget=Budget(seconds=1.5))
     assert result.status is PlanStatus.TIMEOUT
     assert result.reason.startswith("not found in ")
     assert "left" in result.reason
