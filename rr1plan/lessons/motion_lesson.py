@@ -71,6 +71,11 @@ class MotionLesson(Lesson):
         """The unit of path lengths, with a space before it; none if one joint turns and the other one slides."""
         return length_unit(self.picture.grid.turns)
 
+    @property
+    def _first_unit(self) -> str:
+        """The unit of the first joint, with a space before it."""
+        return length_unit(self.picture.grid.turns[:1])
+
     @cached_property
     def grids(self) -> dict[float, PathGrid]:
         """The path on a grid, for each largest blend."""
@@ -125,6 +130,8 @@ class MotionLesson(Lesson):
             "jerks": list(JERKS),
             "durations": self.durations,
             "phases": list(PHASES),
+            "unit": self.unit,
+            "first_unit": self._first_unit,
             "colors": {"raw": RAW, "short": SHORT, "blend": BLENDED, "limit": LIMIT, "brake": BRAKE},
         }
         return document, (space, lesson_panel("timing", "Motion", data))
@@ -178,7 +185,7 @@ class MotionLesson(Lesson):
         motion = seven_phases(1.2, *limits)
         times = np.linspace(0.0, motion.duration, 600)
         states, ends = motion.state(times), np.concatenate([[0.0], np.cumsum(motion.durations)])
-        unit = length_unit(self.picture.grid.turns[:1])  # the limits are those of the first joint
+        unit = self._first_unit  # the limits are those of the first joint
         rows = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"))
         names = [_label(name, unit, rate) for name, rate in rows]
         for k, (axes, name) in enumerate(zip(plots, names, strict=True)):

@@ -170,3 +170,41 @@ def test_the_legend_of_the_cost_covers_no_other_text(tab: Any, page_file: Path) 
     for a in legend:
         for b in others:
             assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (a, b)
+
+
+@pytest.mark.parametrize("kinds", ["PP", "RP"])
+def test_sliding_joints_move_by_meters(tab: Any, tmp_path: Path, kinds: str) -> None:
+    arm = rp.planar_arm(kinds, (0.6, 0.8), limits=((0.0, 1.5), (0.1, 0.8)))
+    scene = rp.Scene(name="gantry").with_arm("arm", arm, q=(0.2, 0.2))
+    problem = rp.Problem(scene, [0.2, 0.2], rp.JointGoal([1.4, 0.3]))
+    tab.page.add_init_script("""
+        const usual = CanvasRenderingContext2D.prototype.fillText;
+        window.texts = [];
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
+            window.texts.push(text);
+            usual.call(this, text, ...more);
+        };
+    """)
+    tab.open(rp.lesson("motion", scene, problem).save_html(tmp_path / "sliding.html"))
+    texts = {}
+    for mode in ("path", "shortcut", "blend", "plane", "phases", "cost"):
+        texts[mode] = tab.ask(
+            """(mode) => {
+                window.texts = [];
+                RR1.timing.show(mode);
+                RR1.timing.drawChart();
+                return [...window.texts, ...RR1.timing.knobs.map(({ say }) => say(1)), RR1.timing.say()];
+            }""",
+            mode,
+        )
+    # The seven phases are those of the first joint.
+    first = "m" if kinds == "PP" else "rad"
+    assert f"velocity [{first}/s]" in texts["phases"]
+    assert f"1.00 {first}" in texts["phases"]
+    assert f"1.0 {first}/s²" in texts["phases"]
+    assert ("jerk limit [m/s³]" if kinds == "PP" else "jerk limit") in texts["cost"]
+    assert ("joint velocities [m/s]" if kinds == "PP" else "joint velocities") in texts["blend"]
+    assert ("ṡ [m/s]" if kinds == "PP" else "ṡ") in texts["plane"]
+    del texts["phases"]
+    assert not any("rad" in text for shown in texts.values() for text in shown)
+    assert tab.complaints == []

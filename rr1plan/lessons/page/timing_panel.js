@@ -8,7 +8,12 @@
 
 const INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const part = (selector) => root.querySelector(selector);
-const { colors } = data;
+// Units with a space before them: of path lengths, none if one joint turns and the other one slides, and of the first joint.
+const { colors, unit, first_unit: firstUnit } = data;
+/** A value with a unit and, for rates, a suffix of it. */
+const measured = (text, unit, rate = "") => `${text}${unit && `${unit}${rate}`}`;
+/** The label of an axis. */
+const label = (name, unit, rate = "") => `${name}${unit && ` [${unit.trim()}${rate}]`}`;
 const read = (packed) => {
   const { values, shape } = viewer.unpack(packed), wide = shape[1];
   return wide ? Array.from({ length: shape[0] }, (_, k) => Array.from(values.subarray(wide * k, wide * (k + 1)))) : Array.from(values);
@@ -129,17 +134,17 @@ class Timing {
   }
 
   get knobs() {
-    const jerk = { name: "jerk", text: "j", low: 1, high: 3.2, log: true, say: (v) => `${+v.toPrecision(2)} rad/s³` };
-    const blend = { name: "blend", text: "blend", low: 0, high: this.blends.length - 1, step: 1, say: (v) => (v ? `${this.blends[v].size} rad` : "stops") };
+    const jerk = { name: "jerk", text: "j", low: 1, high: 3.2, log: true, say: (v) => measured(+v.toPrecision(2), firstUnit, "/s³") };
+    const blend = { name: "blend", text: "blend", low: 0, high: this.blends.length - 1, step: 1, say: (v) => (v ? measured(this.blends[v].size, unit) : "stops") };
     return {
       path: [],
       shortcut: [{ name: "tries", text: "tries", low: 0, high: data.shortcuts.length, step: 1, say: (v) => `${v} / ${data.shortcuts.length}` }],
       blend: [blend],
       plane: [blend, { name: "velocity", text: "v", low: 0.2, high: 1.5, say: percent }, { name: "acceleration", text: "a", low: 0.2, high: 2, say: percent }],
       phases: [
-        { name: "distance", text: "angle", low: 0.02, high: 3, say: (v) => `${v.toFixed(2)} rad` },
-        { name: "speed", text: "v", low: 0.3, high: 4, say: (v) => `${v.toFixed(1)} rad/s` },
-        { name: "push", text: "a", low: 1, high: 16, say: (v) => `${v.toFixed(1)} rad/s²` },
+        { name: "distance", text: "distance", low: 0.02, high: 3, say: (v) => measured(v.toFixed(2), firstUnit) },
+        { name: "speed", text: "v", low: 0.3, high: 4, say: (v) => measured(v.toFixed(1), firstUnit, "/s") },
+        { name: "push", text: "a", low: 1, high: 16, say: (v) => measured(v.toFixed(1), firstUnit, "/s²") },
         jerk,
       ],
       cost: [],
@@ -207,15 +212,15 @@ class Timing {
 
   say() {
     const { values } = this, s = (v) => `<b>${v.toFixed(2)} s</b>`, { durations } = data;
-    if (this.mode === "path") return `${this.path.length} waypoints, ${lengthOf(this.path).toFixed(2)} rad; with stops ${s(this.duration)}.`;
+    if (this.mode === "path") return `${this.path.length} waypoints, ${measured(lengthOf(this.path).toFixed(2), unit)}; with stops ${s(this.duration)}.`;
     if (this.mode === "shortcut") {
       const last = values.tries ? data.shortcuts[values.tries - 1] : null;
-      return `${last ? (last.free ? "Free: taken. " : "Not free: rejected. ") : ""}${this.path.length} waypoints, ${lengthOf(this.path).toFixed(2)} rad; with stops ${s(this.duration)}.`;
+      return `${last ? (last.free ? "Free: taken. " : "Not free: rejected. ") : ""}${this.path.length} waypoints, ${measured(lengthOf(this.path).toFixed(2), unit)}; with stops ${s(this.duration)}.`;
     }
-    if (this.mode === "blend") return values.blend ? `Blends of at most ${this.grid.size} rad: ${s(this.duration)}${this.grid.stops.length ? `, ${this.grid.stops.length} stops left` : ""}.` : `No blends, ${this.grid.stops.length} stops: ${s(this.duration)}.`;
+    if (this.mode === "blend") return values.blend ? `Blends of at most ${measured(this.grid.size, unit)}: ${s(this.duration)}${this.grid.stops.length ? `, ${this.grid.stops.length} stops left` : ""}.` : `No blends, ${this.grid.stops.length} stops: ${s(this.duration)}.`;
     if (this.mode === "plane") return `${s(this.duration)}, ${this.plane.switches.length} switching points.`;
     if (this.mode === "phases") return `${this.seven.durations.filter((t) => t > 1e-9).length} phases, ${s(this.seven.duration)}; without a jerk limit ${s(this.three.duration)}, ${(this.seven.duration - this.three.duration).toFixed(3)} s less.`;
-    return `Stops ${s(durations.stop)}, blends ${s(durations.blend)}, stops with jerk ≤ ${data.jerk} rad/s³ ${s(durations.smooth[data.jerks.indexOf(data.jerk)] ?? durations.smooth[0])}.`;
+    return `Stops ${s(durations.stop)}, blends ${s(durations.blend)}, stops with jerk ≤ ${measured(data.jerk, unit, "/s³")} ${s(durations.smooth[data.jerks.indexOf(data.jerk)] ?? durations.smooth[0])}.`;
   }
 
   // ---- driving --------------------------------------------------------------------------------------
@@ -349,7 +354,7 @@ class Timing {
     const { plane, grid } = this, end = grid.s[grid.s.length - 1];
     const most = 1.08 * Math.min(Math.max(...plane.limit.flat()), 2.2 * Math.max(...plane.speed));
     box = this.legend(pen, box, [[colors.limit, [5, 3], "limit curve"], [colors.blend, [], "faster or steady"], [colors.brake, [], "slower"]]);
-    const [x, y] = this.axes(pen, box, [0, end, "s [rad]"], [0, most, "ṡ [rad/s]"]);
+    const [x, y] = this.axes(pen, box, [0, end, label("s", unit)], [0, most, label("ṡ", unit, "/s")]);
     pen.save();
     pen.beginPath(); pen.rect(box.left, box.top, box.right - box.left, box.bottom - box.top); pen.clip();
     pen.beginPath(); pen.moveTo(x(0), box.top);
@@ -374,7 +379,8 @@ class Timing {
 
   drawPhases(pen, box) {
     const { seven, three } = this, end = Math.max(seven.duration, three.duration);
-    const names = ["position [rad]", "velocity [rad/s]", "acceleration [rad/s²]", "jerk [rad/s³]"];
+    const rows = [["position", ""], ["velocity", "/s"], ["acceleration", "/s²"], ["jerk", "/s³"]];
+    const names = rows.map(([name, rate]) => label(name, firstUnit, rate));
     const high = (box.bottom + 18 - box.top) / 2, wide = (box.right - box.left + 40) / 2, t = this.share * seven.duration;
     names.forEach((name, k) => {
       const left = box.left + (k % 2) * wide, up = box.top + Math.floor(k / 2) * high;
@@ -406,7 +412,7 @@ class Timing {
 
   drawCost(pen, box) {
     const { durations, jerks } = data, most = 1.08 * Math.max(...durations.smooth);
-    const [x, y] = this.axes(pen, box, [jerks[0] * 0.9, jerks[jerks.length - 1] * 1.1, "jerk limit [rad/s³]"], [0, most, "duration [s]"], { log: true });
+    const [x, y] = this.axes(pen, box, [jerks[0] * 0.9, jerks[jerks.length - 1] * 1.1, label("jerk limit", unit, "/s³")], [0, most, "duration [s]"], { log: true });
     const flat = (v, color, dash) => { pen.strokeStyle = color; pen.lineWidth = 2; pen.setLineDash(dash); pen.beginPath(); pen.moveTo(box.left, y(v)); pen.lineTo(box.right, y(v)); pen.stroke(); pen.setLineDash([]); };
     flat(durations.stop, INK, [6, 4]);
     flat(durations.blend, colors.blend, [8, 3, 2, 3]);
@@ -425,7 +431,7 @@ class Timing {
     const speeds = times.map((t) => this.motion.q(t + 0.5 * step).map((v, i) => (v - this.motion.q(t - 0.5 * step)[i]) / step));
     const most = 1.15 * Math.max(...data.velocity);
     box = this.legend(pen, box, [[colors.blend, [], "joint 1"], [colors.short, [5, 3], "joint 2"]]);
-    const [x, y] = this.axes(pen, box, [0, duration, "t [s]"], [-most, most, "joint velocities [rad/s]"]);
+    const [x, y] = this.axes(pen, box, [0, duration, "t [s]"], [-most, most, label("joint velocities", unit, "/s")]);
     [[colors.blend, []], [colors.short, [5, 3]]].forEach(([color, dash], joint) => {
       pen.strokeStyle = color; pen.lineWidth = 2; pen.setLineDash(dash); pen.beginPath();
       speeds.forEach((v, i) => pen[i ? "lineTo" : "moveTo"](x(times[i]), y(v[joint]))); pen.stroke(); pen.setLineDash([]);
