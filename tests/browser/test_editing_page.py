@@ -708,6 +708,17 @@ def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm:
         calm.ask("RR1.plots.toggle()")
 
 
+def test_plots_that_editing_hides_in_the_same_frame_take_no_room_on_phones(calm: Any) -> None:
+    calm.resize(844, 390)
+    calm.ask("RR1.editing.isOpen && RR1.editing.toggle()")
+    frames(calm)
+    calm.ask("(RR1.plots.toggle(), RR1.editing.open())")
+    frames(calm)
+    title, card = calm.ask("[title, editing].map((node) => node.getBoundingClientRect().toJSON())")
+    assert title["bottom"] < card["top"]
+    calm.ask("RR1.plots.toggle()")
+
+
 def test_the_picture_stays_under_the_pointer_when_the_window_changes_during_a_drag(calm: Any) -> None:
     x, y = grab_point(calm, "rr1/forearm_link")
     calm.page.mouse.move(x, y)
