@@ -360,6 +360,16 @@ def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pyt
     assert "to the tool 'l1'; groups=[('l0', 'l1')] leaves out 'b' and 2 more" in caplog.text
 
 
+def test_an_end_effector_link_beside_a_camera_is_the_tool(arm: Path) -> None:
+    frames = "".join(
+        f'<link name="{name}"/><joint name="{name}_fixed" type="fixed">'
+        f'<parent link="l3"/><child link="{name}"/></joint>'
+        for name in ("camera_link", "ee_link")
+    )
+    arm.write_text(arm.read_text().replace("</robot>", f"{frames}</robot>"))
+    assert rp.load_robot(arm).tool == "ee_link"
+
+
 @pytest.mark.parametrize("has_tool", [False, True])
 def test_a_gripper_without_an_srdf_is_planned_for_with_advice(
     arm: Path, caplog: pytest.LogCaptureFixture, has_tool: bool

@@ -11,7 +11,7 @@ from rr1plan.robot.urdf import Tree
 # Names of tool frames, the most specific first, without prefixes ("left/") and the endings "_site" and "_frame".
 _TOOLS = (
     "tcp", "link_tcp", "hand_tcp", "tool_center_point", "pinch", "grip", "grasp", "gripper", "gripperframe", "ee",
-    "eef", "end_effector", "attachment", "tool", "tool0", "flange",
+    "eef", "end_effector", "attachment", "tool", "tool0", "ee_link", "flange",
 )  # fmt: skip
 # Joints that open and close a hand.
 _GRIPPER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
