@@ -55,11 +55,6 @@ function roomLight() {
   return sh.scale((4 * Math.PI) / count);
 }
 
-/** Meshcat's viewer without its own lights, grid and axes. */
-class BareMeshcat extends MeshCat.Viewer {
-  add_default_scene_elements() {}
-}
-
 class Stage {
   constructor(pane) {
     this.pane = pane;
@@ -67,12 +62,13 @@ class Stage {
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = THREE.PCFSoftShadowMap;
     renderer.outputEncoding = THREE.sRGBEncoding;
-    this.meshcat = new BareMeshcat(pane, false, renderer);
+    this.meshcat = new MeshCat.Viewer(pane, false, renderer);
     this.quality = FEW_ARMS[0];
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
     renderer.domElement.addEventListener("webglcontextrestored", () => this.meshcat.set_dirty());
     this.meshcat.set_3d_pane_size = () => this.resize();
+    for (const path of [["Lights"], ["Grid"], ["Axes"]]) this.meshcat.delete_path(path);
     this.meshcat.set_property(["Background"], "visible", false);
     this.meshcat.hide_background();
     this.addCamera();
