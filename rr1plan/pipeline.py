@@ -22,7 +22,7 @@ from rr1plan.planners import chosen_planner, planner_names
 from rr1plan.planners.margin_search import halved_margin, plan_with_margin
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_plan_arguments
-from rr1plan.planning_constants import SHORTCUTS, TREES
+from rr1plan.planning_constants import MARGINS, SHORTCUTS
 from rr1plan.retiming import retime, retiming_names
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -100,7 +100,7 @@ def plan_motion(
     try:
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
-            margin = halved_margin(problem, (problem.margin or TREES.margin) if margin is None else margin)
+            margin = halved_margin(problem, (problem.margin or MARGINS.default) if margin is None else margin)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):

@@ -1,4 +1,4 @@
-"""Constants of the default pipeline: RRT-Connect, shortcuts, blends, timing.
+"""Constants of the default pipeline: margins, RRT-Connect, shortcuts, blends, timing.
 
 They are in one place because two programs use them, `plan_motion` and pages with their own planner
 (`playback/viewer/page/planner.js`), and the same seed has to give the same motion in both.
@@ -9,18 +9,32 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
+class MarginConstants(NamedTuple):
+    """Constants of margins.
+
+    Args:
+        default: Distance to keep beyond the scene's padding [m].
+        halvings: Number of halvings of a margin that cannot be kept, before it becomes zero.
+        samples: Samples of RRT-Connect with a margin before the first brief search without it.
+        growth: Factor from the samples before a brief search to those before the next one.
+        ratio: Samples of the search with the margin for one sample of a brief search.
+    """
+
+    default: float = 0.002
+    halvings: int = 7
+    samples: int = 16_000
+    growth: int = 4
+    ratio: int = 16
+
+
 class TreeConstants(NamedTuple):
     """Constants of RRT-Connect.
 
     Args:
-        margin: Distance to keep beyond the scene's padding [m].
-        margin_halvings: Number of halvings of a margin that start and goal do not allow, before it becomes zero.
         step: Longest edge of a tree, as a share of the diagonal of the joint space.
         domain: Sampling radius around vertices with a blocked edge, as a share of the diagonal.
     """
 
-    margin: float = 0.002
-    margin_halvings: int = 7
     step: float = 0.06
     domain: float = 0.3
 
@@ -70,6 +84,7 @@ class TimingConstants(NamedTuple):
     shortest_piece: float = 1e-11
 
 
+MARGINS = MarginConstants()
 TREES = TreeConstants()
 SHORTCUTS = ShortcutConstants()
 BLENDS = BlendConstants()

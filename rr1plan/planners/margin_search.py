@@ -19,11 +19,9 @@ from rr1plan.planners.goal_configurations import GoalSearch, joint_goals
 from rr1plan.planners.rrt_connect import PausingRrtConnect, RrtConnect
 from rr1plan.planners.timeout_hints import split_budget, with_hint
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback
-from rr1plan.planning_constants import TREES
+from rr1plan.planning_constants import MARGINS
 from rr1plan.scene.problem import Problem
 
-# Samples of a search with a margin for one of a brief search without it.
-_RATIO = 16
 # Shortest time of a brief search [s].
 _LEAST_SECONDS = 1e-3
 
@@ -87,7 +85,7 @@ def plan_with_margin(
 
 def _halves(margin: float) -> Iterator[float]:
     """The margin halved once, twice, ... [m], without the margin itself and zero."""
-    return (margin * 0.5**k for k in range(1, TREES.margin_halvings + 1))
+    return (margin * 0.5**k for k in range(1, MARGINS.halvings + 1))
 
 
 class _MarginSearch:
@@ -111,7 +109,7 @@ class _MarginSearch:
 
         def is_blocked(samples: int) -> bool:
             left = max(_LEAST_SECONDS, search.seconds - (time.perf_counter() - began))
-            self._search_with_less(margin, Budget(left, samples // _RATIO))
+            self._search_with_less(margin, Budget(left, samples // MARGINS.ratio))
             return self._less is not None
 
         if type(planner) is RrtConnect:
@@ -136,7 +134,7 @@ class _MarginSearch:
             return
         self._less = bare, 0.0
         if bare.found:
-            left = max(_LEAST_SECONDS, (budget.seconds - bare.seconds) / TREES.margin_halvings)
+            left = max(_LEAST_SECONDS, (budget.seconds - bare.seconds) / MARGINS.halvings)
             for part in _halves(margin):
                 result = self._brief_search(part, replace(budget, seconds=left))
                 if result.status in (PlanStatus.FOUND, PlanStatus.CANCELLED):

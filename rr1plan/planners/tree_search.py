@@ -16,12 +16,11 @@ from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load
 from rr1plan.kernels.random_state import RandomState, random_state
 from rr1plan.planners.planning_query import NO_LIMIT, Pace, Query
 from rr1plan.planning import SearchTree
-from rr1plan.planning_constants import TREES
+from rr1plan.planning_constants import MARGINS, TREES
 
 _SHORTEST = 1e-4  # smallest allowed step, as a share of the diagonal
 _CAPACITY = 256  # initial capacity of each tree in vertices
 _SLICE = 500  # samples before the first search for further goals; the number doubles for each later one
-_FIRST_PAUSE, _NEXT_PAUSE = 16_000, 4  # samples before the first pause, and the factor from one to the next
 _PROOF = 8000  # samples before a proof is tried that there is no path, which takes a tenth of a second
 
 
@@ -67,7 +66,7 @@ class TreeSearch:
         trees.restart(query.space.lower, query.space.extent, self._step, self._domain, bound)
         begin = query.iterations
         last = begin + min(samples, query.most - begin)
-        next_pause = NO_LIMIT if pause is None else begin + _FIRST_PAUSE
+        next_pause = NO_LIMIT if pause is None else begin + MARGINS.samples
         connected = proof_tried = False
         while not connected and query.iterations < last and query.in_time():
             stop = min(query.iterations + self._pace.next(), last)
@@ -82,7 +81,7 @@ class TreeSearch:
                             break
                 stop = min(stop, self._slice)
             if pause is not None and query.iterations >= next_pause:
-                next_pause *= _NEXT_PAUSE
+                next_pause *= MARGINS.growth
                 if pause(query.iterations):
                     break
             stop = min(stop, next_pause)

@@ -110,19 +110,20 @@ def packed(array: np.ndarray) -> list[int]:
     return [array.size, zlib.crc32(np.ascontiguousarray(array).tobytes())]
 
 
+def packed_parts(motion: rp.MotionPlan) -> list[list[int]]:
+    """Checksums of the path before and after shortening and of the trajectory."""
+    assert motion.result.path is not None
+    trajectory = motion.trajectory
+    arrays = (motion.result.path.waypoints, motion.path.waypoints, trajectory.breaks, trajectory.coefficients)
+    return [packed(array) for array in arrays]
+
+
 def expected_motion(problem: rp.Problem, seed: int) -> dict[str, Any]:
     motion = rp.plan_motion(problem, planner="rrt_connect", budget=Budget(math.inf, SEARCH), rng=seed)
     answer: dict[str, Any] = {"status": motion.status.value, "margin": motion.margin}
     if not motion.found:
         return answer
-    assert motion.result.path is not None
-    arrays = (
-        motion.result.path.waypoints,
-        motion.path.waypoints,
-        motion.trajectory.breaks,
-        motion.trajectory.coefficients,
-    )
-    return answer | {"certified": motion.valid, "parts": [packed(array) for array in arrays]}
+    return answer | {"certified": motion.valid, "parts": packed_parts(motion)}
 
 
 def questions(name: str, rounds: int = ROUNDS, count: int = QUESTIONS) -> tuple[rp.Scene, list[Any], list[Any]]:
@@ -173,6 +174,25 @@ def test_a_page_plans_the_motions_of_plan_motion_to_the_last_bit(name: str, tab:
 def test_node_plans_the_same(name: str, count: int) -> None:
     scene, asked, expected = questions(name, 2, count)
     check(in_node(planner_data(scene), "motions", asked, SEARCH), expected)
+
+
+@pytest.mark.parametrize(("gap", "margin"), [(0.05, 0.02), (0.03, 0.01), (0.02, 0.005), (-0.01, None)])
+def test_a_margin_that_blocks_is_halved_as_by_plan_motion(gap: float, margin: float | None) -> None:
+    """A ball that slides through a gap [m] in addition to its diameter."""
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (1.0, 1.0), width=0.1))
+    for name, side in (("left", -1.0), ("right", 1.0)):
+        scene = scene.with_obstacle(name, rp.Box((0.1, 2.0, 0.2)), [0.5, 0.5 + side * (1.05 + 0.5 * gap), 0.0])
+    start, goal, most = [0.1, 0.8], [0.9, 0.2], 20_000
+    asked: list[Any] = [{"moves": [], "questions": [[start, goal]]}]
+    [[found]] = in_node(page_planner(scene, margin=0.02), "motions", asked, most)
+    motion = rp.plan_motion(rp.Problem(scene, start, goal), margin=0.02, budget=Budget(math.inf, most), rng=0)
+    if margin is None:
+        assert not motion.found
+        assert found["status"] == "timeout"
+        return
+    assert motion.margin == found["margin"] == margin
+    assert found["certified"]
+    assert found["parts"] == packed_parts(motion)
 
 
 @pytest.mark.parametrize("name", SCENES)

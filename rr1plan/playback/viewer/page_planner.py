@@ -37,7 +37,7 @@ from rr1plan.model.ik_descent import METERS_PER_RADIAN
 from rr1plan.model.ik_search import NEAR, SHARE, WHOLE, IkSearch, separation
 from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.model.kinematic_chain import chain_of
-from rr1plan.planning_constants import BLENDS, SHORTCUTS, TIMING, TREES
+from rr1plan.planning_constants import BLENDS, MARGINS, SHORTCUTS, TIMING, TREES
 from rr1plan.playback.viewer.arm_templates import (
     ARM,
     arm_kinds,
@@ -75,7 +75,7 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
     names = scene.arm_names(arms) if scene.arms and (arms is None or len(arms)) else ()
     if len(names) > _MOST_TOGETHER:
         names = scene.arm_names()
-    margin = margin or TREES.margin
+    margin = margin or MARGINS.default
     key = "page planner", names, margin
     if key not in scene.kept:
         reason = _why_missing(scene, names)
@@ -162,7 +162,7 @@ def _tables(checker: CollisionChecker, margin: float) -> dict[str, Any]:
         "reach": reach if np.isfinite(reach) else None,
         "tree_step": TREES.step * space.diagonal,
         "tree_domain": TREES.domain * space.diagonal,
-        "margin_halvings": TREES.margin_halvings,
+        "margins": MARGINS._asdict(),
         "shortcuts": SHORTCUTS._asdict(),
         "blends": BLENDS._asdict(),
         "timing": TIMING._asdict(),

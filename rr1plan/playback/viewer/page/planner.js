@@ -303,10 +303,10 @@ class PagePlanner {
     };
     return core.scoped(() => {
       answer.margin = this.#affordableMargin(start, goal, margin);
-      this.#keepMargin(answer.margin);
-      const found = this.#search(start, goal, BigInt(seed), iterations, began + 1000 * seconds, step, answer);
+      const found = this.#searchWithMargin({ start, goal, seed: BigInt(seed), step }, iterations, began + 1000 * seconds, answer);
       stage("plan");
       if (!found) return answer;
+      this.#keepMargin(answer.margin);
       answer.path = this.#asPath(found);
       this.report("shortening the path");
       const points = this.#shorten(found, BigInt(seed) ^ BigInt(this.#data.shortcuts.stream));
@@ -348,15 +348,34 @@ class PagePlanner {
   #affordableMargin(start, goal, margin) {
     this.#keepMargin(margin);
     const clearance = margin + Math.min(this.#clearance(start, margin), this.#clearance(goal, margin));
-    for (let k = 0; k <= this.#data.margin_halvings; k++) {
+    for (let k = 0; k <= this.#data.margins.halvings; k++) {
       const part = margin * 0.5 ** k;
       if (2 * part <= clearance) return part;
     }
     return 0;
   }
 
-  /** A path, or null with the reason in the result. */
-  #search(start, goal, seed, iterations, deadline, step, answer) {
+  /** A path with the margin of the answer or, where that blocks, with a smaller one; or null, with the reason there. */
+  #searchWithMargin(query, iterations, deadline, answer) {
+    if (answer.margin === 0) return this.#search(query, iterations, deadline, answer);
+    return this.#search(query, iterations, deadline, answer, (samples) => {
+      const kept = answer.margin, { halvings, ratio } = this.#data.margins, most = Math.floor(samples / ratio);
+      const brief = (margin) => this.#core.scoped(() => {
+        const found = { ...answer, margin };
+        const path = this.#search(query, most, deadline, found);
+        return path && { path, found };
+      });
+      let best = brief(0);
+      for (let k = 1; best && best.found.margin === 0 && k <= halvings; k++) best = brief(kept * 0.5 ** k) ?? best;
+      this.#keepMargin(kept);
+      if (best) Object.assign(answer, best.found);
+      return best && best.path;
+    });
+  }
+
+  /** The same with that margin alone. A pause is called with the number of samples after many of them, and may return a path. */
+  #search({ start, goal, seed, step }, iterations, deadline, answer, pause = null) {
+    this.#keepMargin(answer.margin);
     const core = this.#core, { scene, scratch } = this, nq = this.columns.length;
     const { lower, upper, extent, can_move } = this.#memory;
     const near = core.array("double", nq), visible = core.array("int64_t", 1);
@@ -376,8 +395,14 @@ class PagePlanner {
     this.#giveRoom(trees, 1024);
     const random = core.array("uint64_t", [BigInt.asUintN(64, seed)]);
     const { SEARCH_SOLVED, SEARCH_FULL } = core.constants;
+    let nextPause = pause ? this.#data.margins.samples : Infinity;
     for (let chunk = 128; ; chunk = Math.min(2 * chunk, 4096)) {
-      const samples = Math.min(trees.samples + chunk, iterations);
+      if (trees.samples >= nextPause) {
+        nextPause *= this.#data.margins.growth;
+        const path = pause(trees.samples);
+        if (path) return path;
+      }
+      const samples = Math.min(trees.samples + chunk, iterations, nextPause);
       const code = core.call("rr1_grow_trees", trees, query, random, samples, scene, scratch);
       answer.iterations = trees.samples;
       this.report(`${trees.samples.toLocaleString("en")} iterations`);
