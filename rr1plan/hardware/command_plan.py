@@ -23,8 +23,8 @@ from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import certify_path, validate
 
-# Samples of a motion from which its segments are computed.
-_SAMPLES = 4000
+# Samples of a motion from which its segments are computed, and of each of its pieces, however short, at least.
+_SAMPLES, _PIECE_SAMPLES = 4000, 10
 # Pieces of a ramp in the trajectory.
 _RAMP_PIECES = 12
 # Knots closer than this are merged [ticks].
@@ -161,7 +161,7 @@ def plan_commands(
         raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
     arm, scene, moved = _only_moving_arm(motion if isinstance(motion, Trajectory) else motion.trajectory, scene)
     scale = StepScale(scene.arms[arm].robot, calibration, box)
-    q = moved(np.linspace(moved.start_time, moved.end_time, _SAMPLES))
+    q = moved(_sample_times(moved))
     for halvings in range(_MOST_HALVINGS + 1):
         corners = scale.counters(q[_segment_corners(q, tolerance * 0.5**halvings)])
         commands = tuple(_commands(corners, scale.joints, safety))
@@ -226,8 +226,19 @@ def _joints_in_order(trajectory: Trajectory, scene: Scene, arm: str) -> Trajecto
     return Trajectory(names, own.breaks, own.coefficients[:, :, order])
 
 
+def _sample_times(trajectory: Trajectory) -> Array:
+    """The same number of times in each piece, and the end [s]: a long pause does not thin out the samples elsewhere."""
+    breaks = trajectory.breaks
+    count = max(_PIECE_SAMPLES, math.ceil(_SAMPLES / len(breaks)))
+    within = np.diff(breaks)[:, None] * np.linspace(0.0, 1.0, count, endpoint=False)
+    return np.append((breaks[:-1, None] + within).ravel(), trajectory.end_time)
+
+
 def _segment_corners(q: Array, tolerance: float) -> list[int]:
-    """Indices of samples (n, nq) that straight lines may connect within a tolerance of all (Douglas, Peucker 1973)."""
+    """Indices of samples (n, nq) that straight lines may connect within a tolerance of all (Douglas, Peucker 1973).
+
+    Samples along a line may not go back by more than the tolerance: otherwise a motion to and fro would be lost.
+    """
     kept, open_parts = {0, len(q) - 1}, [(0, len(q) - 1)]
     while open_parts:
         a, b = open_parts.pop()
@@ -237,6 +248,8 @@ def _segment_corners(q: Array, tolerance: float) -> list[int]:
         length = float(chord @ chord)
         share = np.clip((q[a + 1 : b] - q[a]) @ chord / length, 0.0, 1.0) if length > 0.0 else np.zeros(b - a - 1)
         off = np.abs(q[a + 1 : b] - q[a] - share[:, None] * chord).max(axis=1)
+        back = (np.maximum.accumulate(share) - share) * np.abs(chord).max()
+        off = np.maximum(off, back)
         if off.max() > tolerance:
             middle = a + 1 + int(off.argmax())
             kept.add(middle)

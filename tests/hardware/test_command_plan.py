@@ -122,6 +122,26 @@ def test_an_arm_that_stays_has_no_commands(calibration: rp.Calibration, box: rp.
     assert "0 commands for rr1" in str(plan)
 
 
+@pytest.mark.parametrize(
+    ("times", "turns"),
+    [
+        ([0.0, 3600.0, 3600.4, 3600.8], [0.0, 0.0, 0.3, 0.0]),  # a wave after a pause of an hour
+        ([0.0, 0.5, 1.0, 1.5], [0.0, 0.3, 0.0, 0.3]),  # to and fro along a line, which its ends alone would span
+        (range(801), [0.0, 0.1] * 400 + [0.0]),  # many waves
+    ],
+)
+def test_motions_along_a_line_are_kept(
+    times: list[float], turns: list[float], calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    q = np.array([0.0, 0.0, 0.3, 0.0, 0.5, 0.0]) + np.outer(turns, np.eye(6)[4])
+    swing = rp.Trajectory.from_samples(scene.joint_names(), times, q, np.zeros_like(q))
+    plan = rp.plan_commands(swing, calibration, box, scene=scene, safety="low")
+    wrist = calibration.joints["wrist_joint"].scale
+    steps = [command.steps[4] for command in plan.commands]
+    np.testing.assert_allclose(steps, wrist * np.diff(turns)[np.diff(turns) != 0.0], atol=1.0)
+
+
 def test_locked_joints_have_to_be_where_the_certificate_has_them(
     motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
 ) -> None:
