@@ -16,7 +16,8 @@ import json
 import math
 import pathlib
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TextIO
 
@@ -118,10 +119,11 @@ class Mirror:
     def close(self) -> None:
         """Close the file and the page; may be called repeatedly. A closed mirror accepts no messages."""
         self._closed = True
-        if self._record is not None:
-            self._record.close()
         if self._page is not None:
             self._page.viewer.close()
+        if self._record is not None:
+            with _writing(self._record.name):
+                self._record.close()
 
     def show(self, *, options: ViewOptions | None = None) -> Viewer:
         """Open a live page that shows the arms as measured, with their deviation from the plan.
@@ -173,7 +175,8 @@ class Mirror:
             the message cannot be used; `events` gives the reason.
 
         Raises:
-            InputError: a value other than a message, or the mirror is closed.
+            InputError: a value other than a message, the mirror is closed, or its file cannot be written, as on a full
+                disk.
         """
         if self._closed:
             raise InputError("the mirror is closed")
@@ -182,11 +185,12 @@ class Mirror:
             return None
         of_kind("item", item, StateMessage)
         if self._record_path is not None:
-            if self._record is None:
-                # Not earlier, because the file may be the one that the stream reads at its start.
-                self._record = self._record_path.open("w", encoding="utf-8")
             fields = {"time": item.time, "name": item.joint_names, "position": item.positions.tolist()}
-            print(json.dumps(fields | {"received": item.received}), file=self._record, flush=True)
+            with _writing(self._record_path):
+                if self._record is None:
+                    # Not earlier, because the file may be the one that the stream reads at its start.
+                    self._record = self._record_path.open("w", encoding="utf-8")
+                print(json.dumps(fields | {"received": item.received}), file=self._record, flush=True)
         now, faults = self._reader.read(item)
         for fault in faults:
             self._fault(fault)
@@ -297,8 +301,15 @@ def _reason(state: MirrorState) -> str:
 def _writable(file: str | pathlib.Path) -> pathlib.Path:
     """The absolute path of a file that can be written, created if there is none."""
     path = file_path(file)
-    try:
+    with _writing(path):
         path.open("a", encoding="utf-8").close()
         return path.absolute()
+
+
+@contextmanager
+def _writing(file: str | pathlib.Path) -> Iterator[None]:
+    """Name the file that cannot be written."""
+    try:
+        yield
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+        raise InputError(f"cannot write {file}: {error.strerror}") from error

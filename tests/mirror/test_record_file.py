@@ -47,3 +47,9 @@ def test_a_recording_is_emptied_at_the_first_message(
 def test_a_recording_that_cannot_be_written_is_refused_at_once(scene: rp.Scene, tmp_path: Path) -> None:
     with pytest.raises(rp.InputError, match=r"cannot write .*run\.jsonl"):
         rp.Mirror(scene, record=tmp_path / "gone" / "run.jsonl")
+
+
+def test_a_full_disk_is_named(scene: rp.Scene) -> None:
+    mirror = rp.Mirror(scene, record="/dev/full")
+    with pytest.raises(rp.InputError, match="cannot write /dev/full: No space left on device"), mirror:
+        mirror.receive(rp.StateMessage(0.0, scene.joint_names(), scene.configuration()))
