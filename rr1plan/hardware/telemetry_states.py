@@ -72,8 +72,9 @@ def _states(
                 yield message(frame, last)
         except SerialLineError as error:
             # Resynchronize at the next header.
-            stream = TelemetryStream()
+            stream, since = TelemetryStream(), time.monotonic()
             yield StreamError("format", str(error))
+            waiting_since += time.monotonic() - since
         # Time spent by the receiver of a message does not count as silence.
         if heard:
             waiting_since = time.monotonic()

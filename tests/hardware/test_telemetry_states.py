@@ -82,6 +82,17 @@ def test_a_slow_receiver_is_no_silence(line: Line, calibration: rp.Calibration, 
         time.sleep(0.02)
 
 
+def test_a_slow_receiver_of_an_error_is_no_silence(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    data = line().read(2 * 111)
+    parts = [data[:111], b"\xff" * 111, b"", data[111:]]
+    port = line(read=lambda self, size: parts.pop(0))
+    kinds = []
+    for item in islice(rp.read_telemetry(port, calibration, box, silence=0.1), 3):
+        kinds.append(item.fault if isinstance(item, rp.StreamError) else "good")
+        time.sleep(0.2)
+    assert kinds == ["good", "format", "good"]
+
+
 def test_a_line_that_stops_in_a_frame_is_named(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
     first = line().read(150)
     parts = [first[:111], first[111:]]
