@@ -211,7 +211,7 @@ def mirror_options(parser: Parser) -> None:
     parser.add_argument("--calibration", metavar="FILE", help="with serial: calibration of the arm and its channels")
     parser.add_argument("--plan", metavar="MOTION", help=f"the planned motion: {_FILE}")
     parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
-    parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")
+    parser.add_argument("--topic", help="the topic of a SOURCE bag (default: the only one with such messages)")
     parser.add_argument(
         "--start", type=finite, help="when the plan begins, on the sender's clock [s] (default: at the first message)"
     )

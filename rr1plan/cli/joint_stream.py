@@ -66,5 +66,7 @@ def _scene_and_plan(options: Namespace, console: Console) -> tuple[rp.Scene, rp.
             raise InputError("a mirror needs a motion or a scene: use option plan or option scene")
         check_scene_name(options.scene)
         return load_scene(options.scene), None
-    motion, trajectory = single_motion(options.plan, options, console, "mirrored")
+    # The topic is that of the source.
+    own = Namespace(scene=options.scene, topic=None)
+    motion, trajectory = single_motion(options.plan, own, console, "mirrored")
     return motion.scene, trajectory

@@ -30,7 +30,7 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
-from rr1plan.export.ros_trajectories import BAG_SUFFIXES, read_joint_states
+from rr1plan.export.ros_trajectories import BAG_SUFFIXES, read_joint_states, refuse_topic
 from rr1plan.files.file_access import read_text
 from rr1plan.path import check_joint_names
 from rr1plan.thread_locks import exclusive, per_process
@@ -140,16 +140,19 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
         Messages, and an error in place of each one that cannot be read. A socket is listened to until it is closed.
 
     Raises:
-        InputError: another kind of source, an address at which listening fails, a file that cannot be read.
+        InputError: another kind of source, an address at which listening fails, a file that cannot be read, a topic
+            for a source other than a bag.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
     positive_number("silence", silence)
     if isinstance(source, str) and "://" in source:
+        refuse_topic(source, topic)
         return _from_socket(*_address(source), silence)
     path = file_path(source)
     if path.suffix.lower() in BAG_SUFFIXES or path.is_dir():
         messages = read_joint_states(path, topic=topic)
         return StateStream(_with_silence((_of_bag(*fields) for fields in messages), silence), messages.close)
+    refuse_topic(path, topic)
     lines = [line for line in read_text(path).splitlines() if line.strip()]
     return StateStream(_with_silence(map(parse_state, lines), silence), lambda: None)
 

@@ -638,6 +638,14 @@ def test_a_stream_is_mirrored_beside_its_plan(motion: Path, tmp_path: Path, caps
         assert words in capsys.readouterr().err
 
 
+def test_the_topic_of_a_mirror_is_that_of_its_source(
+    motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = str(rp.save_rosbag(tmp_path / "bag", rp.load_motion(motion).trajectory))
+    assert run(["mirror", bag, "--topic", "/joint_states", "--plan", str(motion), "--no-page"]) == OK
+    assert "always inside the certified corridor" in capsys.readouterr().out
+
+
 def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["view", str(motion), "--glb", "motion.glb", "--html", "motion.html", "--json"]) == OK
     assert json.loads(capsys.readouterr().out) == {"files": {"page": "motion.html", "3-D model": "motion.glb"}}

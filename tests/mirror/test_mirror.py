@@ -687,6 +687,10 @@ def test_sources_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     }.items():
         with pytest.raises(rp.InputError, match=words):
             rp.read_states(source)
+    (tmp_path / "run.jsonl").touch()
+    for source in ("udp://127.0.0.1:9000", tmp_path / "run.jsonl"):
+        with pytest.raises(rp.InputError, match=f"topic is '/states', but {source} is not a bag"):
+            rp.read_states(source, topic="/states")
     with pytest.raises(rp.InputError, match="no arm to mirror"):
         rp.Mirror(rp.Scene())
 
