@@ -9,7 +9,7 @@ from rr1plan.cli.console import Console
 from rr1plan.cli.saved_motions import single_motion
 from rr1plan.cli.scene_options import check_scene_name
 from rr1plan.cli.served_page import announce, live_options
-from rr1plan.errors import InputError
+from rr1plan.errors import InputError, Rr1PlanError
 from rr1plan.scene.model_library import load_scene
 
 _SERIAL = "serial:"
@@ -30,7 +30,11 @@ def mirror(options: Namespace, console: Console) -> int:
     with stream, follower:
         if not options.no_page:
             announce(follower.show(options=live_options(options)), options, console, "press Ctrl-C to end")
-        report = follower.run(stream, duration=options.duration)
+        try:
+            report = follower.run(stream, duration=options.duration)
+        except Rr1PlanError:  # e.g. an unplugged port: what came before is not lost
+            console.say(str(follower.report()))
+            raise
     console.say(str(report))
     console.result(
         {

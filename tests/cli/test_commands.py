@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -644,6 +645,23 @@ def test_the_topic_of_a_mirror_is_that_of_its_source(
     bag = str(rp.save_rosbag(tmp_path / "bag", rp.load_motion(motion).trajectory))
     assert run(["mirror", bag, "--topic", "/joint_states", "--plan", str(motion), "--no-page"]) == OK
     assert "always inside the certified corridor" in capsys.readouterr().out
+
+
+def test_a_mirror_whose_stream_fails_reports_what_came_before(
+    motion: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = rp.load_motion(motion).trajectory
+
+    def unplugged() -> Iterator[rp.StateMessage]:
+        yield rp.StateMessage(0.0, plan.joint_names, plan(0.0))
+        raise rp.SerialLineError("the serial line failed")
+
+    stream = rp.StateStream(unplugged(), lambda: None)
+    monkeypatch.setattr(rp, "read_states", lambda *_, **__: stream)
+    assert run(["mirror", "run.jsonl", "--plan", str(motion), "--no-page"]) == BAD_INPUT
+    said = capsys.readouterr()
+    assert "1 message" in said.out
+    assert "the serial line failed" in said.err
 
 
 def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
