@@ -40,7 +40,12 @@ def send(options: Namespace, console: Console) -> int:
             port: SerialPort = EmulatedSerialLine(box, start)
         else:
             port = open_serial_port(options.port)
-        end = send_commands(plan, port, progress=progress_callback(advance))
+        try:
+            end = send_commands(plan, port, progress=progress_callback(advance))
+        except KeyboardInterrupt:
+            if options.port is not None:
+                console.warn("nothing more is sent, but the arm finishes its current command")
+            raise
     if options.port is None:
         console.say("dry run: an emulated control box has executed all commands; --port sends them to a real one")
     else:

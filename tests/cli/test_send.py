@@ -11,6 +11,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, INVALID_PLAN, OK, run
 from rr1plan.cli import send as send_command
+from rr1plan.interrupts import INTERRUPTED
 
 _CHANNELS = {
     "S1": ("shoulder_joint", 14.0, 6),
@@ -80,6 +81,20 @@ def test_commands_go_to_the_port_that_is_named(
     value = json.loads(capsys.readouterr().out)
     assert value["sent"]
     assert value["end"] == dry["end"]
+
+
+def test_ctrl_c_says_that_the_arm_finishes_its_command(
+    motion: str, arm: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(send_command, "send_commands", interrupted)
+    monkeypatch.setattr(send_command, "open_serial_port", lambda name: None)
+    assert run(["send", motion, "--calibration", arm, "--port", "/dev/arm"]) == INTERRUPTED
+    assert "nothing more is sent, but the arm finishes its current command" in capsys.readouterr().err
+    assert run(["send", motion, "--calibration", arm]) == INTERRUPTED
+    assert "the arm" not in capsys.readouterr().err
 
 
 def test_what_would_collide_is_not_sent(motion: str, arm: str, capsys: pytest.CaptureFixture[str]) -> None:
