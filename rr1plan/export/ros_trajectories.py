@@ -29,6 +29,7 @@ _MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 # Messages that contain a JointTrajectory, by the name of the field.
 _WRAPPERS = ("joint_trajectory", "trajectory", "goal")
 _File = str | pathlib.Path
+_INTERRUPTED = "; if its recording was interrupted, try `ros2 bag reindex` or `mcap recover`"
 _NANO = 1_000_000_000
 _LONGEST_LEAD = 1e6  # [s]
 # Most names in a message, and most characters of each.
@@ -344,7 +345,7 @@ def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[t
     except InputError:
         raise
     except Exception as error:  # rosbags raises errors of any type
-        raise FormatError(f"cannot be read as a ROS bag: {reason_of(error)}", file) from error
+        raise FormatError(f"cannot be read as a ROS bag: {reason_of(error)}{_INTERRUPTED}", file) from error
 
 
 def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
@@ -360,9 +361,8 @@ def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
     if not there:
         raise FormatError("there is no such file", file)
     if bag.is_dir() and not (bag / "metadata.yaml").exists():
-        raise FormatError(
-            f"there is no metadata.yaml in the folder {bag}, expected one: a ROS 2 bag is its whole folder", file
-        )
+        missing = f"there is no metadata.yaml in the folder {bag}, expected one: a ROS 2 bag is its whole folder"
+        raise FormatError(missing + _INTERRUPTED, file)
 
 
 def _connections(reader: Any, kind: str, topic: str | None, file: pathlib.Path) -> list[Any]:
