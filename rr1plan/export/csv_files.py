@@ -110,6 +110,12 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
             raise FormatError(f"has the column {column!r} twice", file, 1)
         where[name] = i
     names = list(columns[0])
+    if any(names) and "" in header:
+        number = header.index("") + 1
+        fault = (
+            f"has no name for column {number}, expected one: leave out the index of a table, and commas that end lines"
+        )
+        raise FormatError(fault, file, 1)
     if not names or "" in names:
         raise _other_header(header, file)
     for quantity, where in (("velocities", columns[1]), ("accelerations", columns[2])):

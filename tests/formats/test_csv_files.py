@@ -88,6 +88,8 @@ def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: File
         ("t,q:a,v:a,a:a\n", "has no rows"),
         ('t,q:a\n0,"1\n', ":2: is not CSV"),
         ("t,q:a,v:a,a:a\n0,0,0\n", ":2: has 3 values, expected 4"),
+        (",t,q:a\n0,0,0\n", ":1: has no name for column 1, expected one: leave out the index of a table"),
+        ("t,q:a,\n0,0,\n", ":1: has no name for column 3, expected one"),
         ("t,q:a,v:a,a:a\n0,0,0,x\n", ":2: 'x' is not a number"),
         ("t,q:a\n0,0\n1_0,1\n", ":3: '1_0' is not a number"),
         ("t,q:a,v:a,a:a\n0,nan,0,0\n1,0,0,0\n", "is nan"),
