@@ -54,31 +54,52 @@ def read_telemetry(port: SerialPort, calibration: Calibration, box: ControlBox, 
         return StateMessage(now, names, positions, now)
 
     closed = threading.Event()
-    return StateStream(_states(port, message, silence, closed), closed.set)
+    return StateStream(_TelemetryStates(port, message, silence, closed), closed.set)
 
 
-def _states(
-    port: SerialPort, message: Callable[[Telemetry, float], StateMessage], silence: float, closed: threading.Event
-) -> Iterator[StateMessage | StreamError]:
-    """Messages of the arriving frames, until the stream is closed."""
-    stream, waiting_since, last = TelemetryStream(), time.monotonic(), 0.0
-    while not closed.is_set():
-        heard = False
-        data = read_bytes(port)
+class _TelemetryStates(Iterator[StateMessage | StreamError]):
+    """Messages of the arriving frames until the stream is closed. Ctrl-C does not end them, as it would a generator."""
+
+    def __init__(
+        self,
+        port: SerialPort,
+        message: Callable[[Telemetry, float], StateMessage],
+        silence: float,
+        closed: threading.Event,
+    ) -> None:
+        self._port, self._message, self._silence, self._closed = port, message, silence, closed
+        self._stream = TelemetryStream()
+        self._frames: Iterator[Telemetry] = iter(())
+        self._time = 0.0  # of the latest message
+        self._silent_since = self._left = time.monotonic()
+
+    def __next__(self) -> StateMessage | StreamError:
+        # Time spent by the receiver of an item does not count as silence.
+        self._silent_since += time.monotonic() - self._left
         try:
-            for frame in stream.feed(data):
-                heard = True
-                last = max(time.monotonic(), last + _SPACING)
-                yield message(frame, last)
+            while not self._closed.is_set():
+                item = self._next_item()
+                if item is not None:
+                    return item
+                self._frames = self._stream.feed(read_bytes(self._port))
+            raise StopIteration
+        finally:
+            self._left = time.monotonic()
+
+    def _next_item(self) -> StateMessage | StreamError | None:
+        """The next item of the bytes so far; None if there is none."""
+        now = time.monotonic()
+        try:
+            frame = next(self._frames, None)
         except SerialLineError as error:
             # Resynchronize at the next header.
-            stream, since = TelemetryStream(), time.monotonic()
-            yield StreamError("format", str(error))
-            waiting_since += time.monotonic() - since
-        # Time spent by the receiver of a message does not count as silence.
-        if heard:
-            waiting_since = time.monotonic()
-        elif time.monotonic() - waiting_since > silence:
-            cut, waiting_since = stream.incomplete, time.monotonic()
-            where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
-            yield StreamError("silence", f"no telemetry for {silence:g} s{where}")
+            self._stream, self._frames = TelemetryStream(), iter(())
+            return StreamError("format", str(error))
+        if frame is not None:
+            self._silent_since, self._time = now, max(now, self._time + _SPACING)
+            return self._message(frame, self._time)
+        if now - self._silent_since <= self._silence:
+            return None
+        self._silent_since, cut = now, self._stream.incomplete
+        where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
+        return StreamError("silence", f"no telemetry for {self._silence:g} s{where}")

@@ -210,7 +210,7 @@ def _from_socket(host: str, port: int, silence: float) -> StateStream:
         receiver.close()
         raise InputError(f"cannot listen to {shown(f'udp://{host}:{port}')}: {error}") from error
     listener = _Listener(receiver)
-    return StateStream(_datagrams(listener, silence), listener.close)
+    return StateStream(_Datagrams(listener, silence), listener.close)
 
 
 class _Listener:
@@ -245,20 +245,32 @@ class _Listener:
         self._lock.release()
 
 
-def _datagrams(listener: _Listener, silence: float) -> Iterator[StateMessage | StreamError]:
-    heard = time.monotonic()
-    while not listener.closed:
+class _Datagrams(Iterator[StateMessage | StreamError]):
+    """The messages of a listener until it is closed. Ctrl-C does not end them, as it would end a generator."""
+
+    def __init__(self, listener: _Listener, silence: float) -> None:
+        self._listener, self._silence, self._heard = listener, silence, time.monotonic()
+
+    def __next__(self) -> StateMessage | StreamError:
+        while not self._listener.closed:
+            item = self._receive()
+            if item is not None and not self._listener.closed:
+                return item
+        raise StopIteration
+
+    def _receive(self) -> StateMessage | StreamError | None:
+        """The next item; None if there is none yet."""
         try:
-            data = listener.receive(silence)
+            data = self._listener.receive(self._silence)
         except TimeoutError:
-            if not listener.closed and time.monotonic() >= heard + silence:
-                yield StreamError("silence", f"no message for {silence:g} s")
-                heard = time.monotonic()
+            if time.monotonic() < self._heard + self._silence:
+                return None
+            self._heard = time.monotonic()
+            return StreamError("silence", f"no message for {self._silence:g} s")
         except OSError:
-            if not listener.closed:
+            if not self._listener.closed:
                 raise
-        else:
-            if not listener.closed:
-                heard = time.monotonic()
-                item = parse_state(data)
-                yield item if isinstance(item, StreamError) else replace(item, received=heard)
+            return None
+        self._heard = time.monotonic()
+        item = parse_state(data)
+        return item if isinstance(item, StreamError) else replace(item, received=self._heard)

@@ -138,7 +138,7 @@ class Mirror:
         return self._page.viewer
 
     def run(self, stream: Iterable[StateMessage | StreamError], *, duration: float | None = None) -> MirrorReport:
-        """Follow a stream to its end, for a time, or until Ctrl-C.
+        """Follow a stream to its end, for a time, or until Ctrl-C; another run continues a socket or a serial port.
 
         Args:
             stream: Messages, e.g. from `read_states`.

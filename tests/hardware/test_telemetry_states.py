@@ -93,6 +93,23 @@ def test_a_slow_receiver_of_an_error_is_no_silence(line: Line, calibration: rp.C
     assert kinds == ["good", "format", "good"]
 
 
+def test_ctrl_c_does_not_end_a_stream(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    data = line().read(2 * 111)
+    parts = [data[:111], KeyboardInterrupt(), data[111:]]
+
+    def read(self: rp.EmulatedSerialLine, size: int = 1) -> bytes:
+        part = parts.pop(0)
+        if isinstance(part, bytes):
+            return part
+        raise part
+
+    stream = rp.read_telemetry(line(read=read), calibration, box)
+    assert isinstance(next(stream), rp.StateMessage)
+    with pytest.raises(KeyboardInterrupt):
+        next(stream)
+    assert isinstance(next(stream), rp.StateMessage)
+
+
 def test_a_line_that_stops_in_a_frame_is_named(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
     first = line().read(150)
     parts = [first[:111], first[111:]]

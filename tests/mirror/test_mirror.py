@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import socket
 import threading
 import time
@@ -545,6 +546,22 @@ def test_messages_wait_while_their_receiver_is_busy() -> None:
             message = next(stream)
             assert isinstance(message, rp.StateMessage)
             assert message.time == number
+
+
+def test_ctrl_c_does_not_end_a_stream_that_waits_for_a_message(scene: rp.Scene) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    interrupting = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+    line = json.dumps({"time": 0.0, "name": scene.joint_names(), "position": scene.configuration().tolist()})
+    with (
+        rp.read_states(f"udp://127.0.0.1:{port}", silence=0.2) as stream,
+        rp.Mirror(scene, on_event=lambda event: interrupting.start()) as mirror,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        assert mirror.run(stream).messages == 0
+        sender.sendto(line.encode(), ("127.0.0.1", port))
+        assert next(item for item in stream if isinstance(item, rp.StateMessage)).time == 0.0
 
 
 def test_another_thread_ends_a_stream_that_waits_for_a_message() -> None:
