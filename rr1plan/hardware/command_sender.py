@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
-from rr1plan.checks import check_callback, counted, of_kind, positive_number
+from rr1plan.checks import check_callback, check_text, counted, of_kind, positive_number
 from rr1plan.errors import HardwareError, InputError, MissingPackageError, SerialLineError, StalledJointError
 from rr1plan.hardware.box_emulator import EXCHANGE_TICKS
 from rr1plan.hardware.command_plan import CommandPlan
@@ -57,17 +57,21 @@ def open_serial_port(name: str) -> SerialPort:
         name: Name of the port, e.g. "/dev/ttyACM0".
 
     Raises:
+        InputError: the name is not text.
         MissingPackageError: pyserial is not installed (extra `serial`).
         SerialLineError: the port cannot be opened, or another program has it open.
     """
+    check_text("name", name)
     try:
         import serial
+        from serial.tools.list_ports import comports
     except ImportError as error:
         raise MissingPackageError("pyserial", "a serial port", "serial") from error
     try:
         port: SerialPort = serial.Serial(name, BAUD, timeout=0.1, write_timeout=1.0, exclusive=True)
     except (OSError, ValueError) as error:
-        raise SerialLineError(f"cannot open the serial port {name!r}: {error}") from error
+        there = ", ".join(sorted(found.device for found in comports())) or "none"
+        raise SerialLineError(f"cannot open the serial port {name!r}: {error}; ports found: {there}") from error
     return port
 
 

@@ -345,3 +345,10 @@ def test_telemetry_of_a_serial_port_is_mirrored(
     assert report.faults["format"] == 1
     assert set(report.faults) == {"format", "silence"}
     assert not report.outside
+
+
+def test_a_port_that_cannot_be_opened_is_named_beside_those_that_are_there() -> None:
+    with pytest.raises(rp.SerialLineError, match=r"cannot open the serial port '/dev/none'.*; ports found: [/\w]"):
+        rp.open_serial_port("/dev/none")
+    with pytest.raises(rp.InputError, match="name is None, expected text"):
+        rp.open_serial_port(None)
