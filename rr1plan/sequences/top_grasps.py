@@ -20,10 +20,18 @@ from rr1plan.transforms import inverse, pose, quaternion_from_rotation, rotation
 
 # Heights at which fingers grasp an object, as shares of its height.
 _HEIGHTS = (0.5, 0.65, 0.8, 0.9)
+# Fingers reach at least this far below the top of an object, except at mid-height: less slips out of them [m].
+_REACH = 2e-3
 # Clearance on each side with which an object fits between the fingers [m].
 _PLAY = 2e-4
 # Fingers still meet sides squarely whose normals deviate from the horizontal by this angle [rad].
 _LEVEL = 0.05
+# Step between the angles at which widths are compared [degrees], and the difference that counts [m].
+_TURN, _NARROWER = 1, 1e-6
+# Rotation that shows where the sides of an object begin and end [rad].
+_TILT = 0.01
+# Sides that recede from the width of an object by more than this, where fingers meet them, are not grasped [m].
+_HOLLOW = 1e-3
 # A cylinder lies if its axis is nearer to the horizontal than to the vertical (cosine of the angle to the vertical).
 _LYING = 0.7
 
@@ -33,8 +41,9 @@ def top_grasps(scene: Scene, obstacle: str, *, arm: str | None = None, yaws: int
 
     Opposite faces of a box that are vertical within 3 degrees are grasped, and a cylinder or capsule that is tilted or
     lies is grasped across its axis, or at the ends of a lying cylinder; other objects at several angles around the
-    vertical. Each is grasped at mid-height or higher up; a ball or a lying cylinder as near to its middle as possible.
-    Sides too wide for the gripper are omitted. The tool's z axis has to point out of the hand.
+    vertical, or the nearest at which they are narrower than at all angles nearby, where their sides are opposite. Each
+    is grasped at mid-height or higher up; a ball or a lying cylinder as near to its middle as possible. Sides too wide
+    for the gripper are omitted. The tool's z axis has to point out of the hand.
 
     Args:
         scene: The scene with the object at its pose.
@@ -59,13 +68,13 @@ def grasps_of(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple
     only_gripper_joint(robot)
     angles = _square_angles(thing)
     if angles is None:
-        angles = [2.0 * np.pi * k / yaws for k in range(yaws)]
+        angles = _narrow_angles(thing, [2.0 * np.pi * k / yaws for k in range(yaws)])
     found: list[tuple[float, PoseGoal]] = []
     widths, why = [], ""
     rounded = _is_rounded_above(thing)
     for angle in angles:
-        turn = rotation_about([0.0, 0.0, 1.0], angle)
-        low, high = bounding_box(thing.geometries, _posed(turn.T) @ thing.pose)
+        turn = _turned(angle)
+        low, high = _turned_box(thing, angle)
         width = round(float(high[0] - low[0]), 9)
         widths.append(width)
         try:
@@ -73,8 +82,11 @@ def grasps_of(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple
         except InputError as error:
             why = f": {error}"
             continue
+        middle = _middle_of_sides(thing, angle)
         for share in _HEIGHTS:
-            at = np.array([*(0.5 * (low + high))[:2], low[2] + share * (high[2] - low[2])])
+            if share > _HEIGHTS[0] and (1.0 - share) * (high[2] - low[2]) < _REACH:
+                break
+            at = np.array([0.5 * (low[0] + high[0]), middle, low[2] + share * (high[2] - low[2])])
             # The z axis of the grip frame points down, its x axis along the width.
             R = turn @ np.diag([1.0, -1.0, -1.0])
             T = _posed(R, turn @ at - depth * R[:, 2]) @ inverse(grip_frame(robot))
@@ -83,6 +95,7 @@ def grasps_of(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple
                 if rounded:
                     break  # fingers that close above the middle push it out of their grip
     if not found:
+        why = why or ": there are no opposite sides for its fingers"
         raise InputError(
             f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.3g} mm wide at least{why}"
         )
@@ -90,7 +103,7 @@ def grasps_of(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple
 
 
 def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]:
-    """Whether an object fits between fingers opened for its width, with only its sides near the fingers.
+    """Whether an object fits between fingers opened for its width, with only its sides near the fingers, on both sides.
 
     Raises:
         InputError: the gripper does not open so wide.
@@ -98,10 +111,15 @@ def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]
     opened = robot.with_locked_joints({only_gripper_joint(robot): opening_value(robot, width + 2.0 * _PLAY)})
     scene = Scene(obstacles={"thing": thing}).with_arm("arm", opened)
     checker, T_tool = CollisionChecker(scene), opened.link_poses(opened.home)[opened.tool]
+    grip = grip_frame(robot)
+
+    def is_free(T_world_tool: Array, shift: float) -> bool:
+        across = grip @ pose([shift, 0.0, 0.0]) @ inverse(grip)
+        checker.move_obstacle("thing", T_tool @ across @ inverse(T_world_tool) @ thing.pose)
+        return checker.is_free(opened.home)
 
     def fits(T_world_tool: Array) -> bool:
-        checker.move_obstacle("thing", T_tool @ inverse(T_world_tool) @ thing.pose)
-        return checker.is_free(opened.home)
+        return is_free(T_world_tool, 0.0) and not any(is_free(T_world_tool, shift) for shift in (-_HOLLOW, _HOLLOW))
 
     return fits
 
@@ -137,6 +155,71 @@ def _square_angles(thing: Obstacle) -> list[float] | None:
     level = [float(np.arctan2(side[1], side[0])) for side in sides if abs(side[2]) < _LEVEL]
     turn = np.pi / 2 if len(level) > 1 else np.pi
     return [level[0] + angle for angle in np.arange(0.0, 2.0 * np.pi, turn)] if level else None
+
+
+def _narrow_angles(thing: Obstacle, angles: list[float]) -> list[float]:
+    """Angles around the vertical, each changed to the nearest local minimum of the width of an object.
+
+    Closing fingers turn an object toward such a minimum (K. Goldberg, "Orienting polygonal parts without sensors",
+    Algorithmica 10, 1993). Where the width is constant, as that of an upright cylinder, angles stay.
+    """
+    count = 180 // _TURN
+    step = np.pi / count
+
+    def width(angle: float) -> float:
+        low, high = _turned_box(thing, angle)
+        return float(high[0] - low[0])
+
+    widths = [width(k * step) for k in range(count)]
+    found: dict[float, float] = {}
+    for angle in angles:
+        k = round(angle / step)
+        while True:
+            before, own, after = (widths[(k + d) % count] for d in (-1, 0, 1))
+            if min(before, after) >= own - _NARROWER:
+                break
+            k += 1 if after < before else -1
+        if max(before, after) > own + _NARROWER:
+            angle = _minimum(width, (k - 1) * step, (k + 1) * step)
+        found.setdefault(round(angle % (2.0 * np.pi), 4), angle)
+    return list(found.values())
+
+
+def _minimum(value: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function is least between two arguments, by ternary search."""
+    while high - low > 1e-9:
+        third = (high - low) / 3.0
+        if value(low + third) <= value(high - third):
+            high -= third
+        else:
+            low += third
+    return 0.5 * (low + high)
+
+
+def _middle_of_sides(thing: Obstacle, angle: float) -> float:
+    """Coordinate along y, in axes turned by an angle, of the middle of what two opposite sides of an object share.
+
+    The sides are those with the least and the largest x. After a small rotation of the axes, one end of each is
+    farthest out.
+    """
+    box = _turned_box(thing, angle)
+    center = box.mean(axis=0)
+
+    def ends(tilt: float) -> Array:
+        tilted = _turned_box(thing, angle + tilt) - _turned(-tilt) @ center
+        return np.asarray((tilted[:, 0] - np.cos(tilt) * (box[:, 0] - center[0])) / np.sin(tilt))
+
+    (near_high, far_low), (near_low, far_high) = ends(-_TILT), ends(_TILT)
+    return float(center[1] + 0.5 * (max(near_low, far_low) + min(near_high, far_high)))
+
+
+def _turned_box(thing: Obstacle, angle: float) -> Array:
+    """The bounding box of an object in axes turned by an angle about the vertical, shape (2, 3)."""
+    return bounding_box(thing.geometries, _posed(_turned(-angle)) @ thing.pose)
+
+
+def _turned(angle: float) -> Array:
+    return rotation_about([0.0, 0.0, 1.0], angle)
 
 
 def _posed(R: Array, position: ArrayLike = (0.0, 0.0, 0.0)) -> Array:

@@ -202,3 +202,63 @@ def test_a_hand_whose_fingers_travel_along_y_grasps_as_well() -> None:
     replay = rp.simulate_sequence(plan, hold=0.0)
     assert replay.carried
     assert replay.objects["block"].final_offset < 5e-3
+
+
+@pytest.fixture(scope="module")
+def panda(foreign_robots: object) -> rp.Scene:
+    """A Panda at a table."""
+    scene = rp.Scene().with_arm("arm", rp.load_robot("panda"))
+    return scene.with_obstacle("table", rp.Box((0.6, 1.0, 0.04)), [0.6, 0.0, -0.02])
+
+
+def assembled(*parts: tuple[rp.Shape, list[float]]) -> list[rp.Geometry]:
+    """An object of several parts at their positions."""
+    return [rp.Geometry(f"part{k}", shape, rp.transforms.pose(at)) for k, (shape, at) in enumerate(parts)]
+
+
+MUG = assembled((rp.Cylinder(0.025, 0.08), [0.0, 0.0, 0.0]), (rp.Box((0.03, 0.01, 0.04)), [0.035, 0.0, 0.0]))
+ANGLE = assembled((rp.Box((0.06, 0.02, 0.08)), [0.0, 0.0, 0.0]), (rp.Box((0.02, 0.06, 0.08)), [0.02, 0.02, 0.0]))
+
+
+WEDGE = list(rp.polygon_prism([(0.03, 0), (-0.015, 0.026), (-0.015, -0.026)], 0.08))
+
+
+@pytest.mark.parametrize("geometries", [MUG, ANGLE, WEDGE])
+def test_objects_of_any_shape_are_held_at_opposite_sides(panda: rp.Scene, geometries: list[rp.Geometry]) -> None:
+    pose = rp.transforms.pose([0.5, 0.1, 0.04], rpy=[0.0, 0.0, 0.3])
+    scene = panda.with_obstacles({"thing": rp.Obstacle(geometries, pose, mass=0.1)})
+    plan = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "thing", [0.5, -0.1, 0.04])), rng=0)
+    assert plan, plan
+    assert rp.simulate_sequence(plan, hold=0.0).carried
+
+
+def test_a_mug_is_grasped_at_its_middle_however_far_its_handle_reaches(table: rp.Scene) -> None:
+    pose = rp.transforms.pose([-0.3, 0.1, 0.04])
+    for goal in rp.top_grasps(table.with_obstacles({"mug": rp.Obstacle(MUG, pose)}), "mug"):
+        across = goal.rotation[:, 1] @ (goal.position - pose[:3, 3])
+        assert across == pytest.approx(0.0, abs=1e-3)
+        assert abs(goal.rotation[1, 0]) > 0.8
+
+
+def test_a_prism_is_grasped_at_its_faces_whatever_its_angle(table: rp.Scene) -> None:
+    corners = 0.02 * np.array([[np.cos(a), np.sin(a)] for a in np.arange(6) * np.pi / 3])
+    for yaw in (0.0, 0.2, 0.45):
+        pose = rp.transforms.pose([-0.3, 0.1, 0.03], rpy=[0.0, 0.0, yaw])
+        scene = table.with_obstacle("nut", rp.polygon_prism(corners, 0.06), pose)
+        goals = rp.top_grasps(scene, "nut")
+        off = [np.arctan2(g.rotation[1, 0], g.rotation[0, 0]) - yaw - np.pi / 6 for g in goals]
+        np.testing.assert_allclose(np.remainder(np.array(off) + np.pi / 6, np.pi / 3), np.pi / 6, atol=1e-6)
+
+
+def test_fingers_reach_two_millimeters_down_a_plate(panda: rp.Scene) -> None:
+    for height, levels in ((0.06, 4), (0.01, 2), (0.003, 1)):
+        scene = panda.with_obstacle("plate", rp.Box((0.04, 0.04, height)), [0.5, 0.1, height / 2])
+        assert len({round(float(goal.position[2]), 6) for goal in rp.top_grasps(scene, "plate")}) == levels
+
+
+def test_an_object_that_narrows_upward_has_no_sides_to_grasp(table: rp.Scene) -> None:
+    corners = [[-0.02, -0.02, 0.0], [0.02, -0.02, 0.0], [0.02, 0.02, 0.0], [-0.02, 0.02, 0.0], [0.0, 0.0, 0.06]]
+    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    scene = table.with_obstacle("pyramid", rp.Mesh(np.array(corners), np.array(faces)), [-0.3, 0.1, 0.0])
+    with pytest.raises(rp.InputError, match="'pyramid' from above, which is 40 mm wide at least: there are no opp"):
+        rp.top_grasps(scene, "pyramid")
