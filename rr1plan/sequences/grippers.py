@@ -84,7 +84,8 @@ def only_gripper_joint(robot: Robot) -> str:
     advice = (
         "let the others mimic one of them (<mimic> in URDF)"
         if joints
-        else "if one of its planning joints does, load it with joints= or groups= that leave this joint out"
+        else "if one of its planning joints does, load it with joints= or groups= that leave this joint out; a hand "
+        "without fingers takes segments with Attach and Detach only"
     )
     raise InputError(f"robot {robot.name!r} has {found} in its hand, expected one that moves its fingers: {advice}")
 
@@ -103,11 +104,13 @@ def gripper_values(robot: Robot, position: str | float) -> dict[str, float]:
     """
     if isinstance(position, str):
         states, joints = robot.locked_joint_states, gripper_joints(robot)
+        if not joints:
+            only_gripper_joint(robot)  # raises
         values = states[known_name("gripper state", position, states)]
         if not set(values) & set(joints):
             raise InputError(
                 f"gripper state {position!r} of robot {robot.name!r} sets no joint of its gripper "
-                f"({', '.join(joints) or 'it has none'}); add one to the state, or use another state"
+                f"({', '.join(joints)}); add one to the state, or use another state"
             )
         return {name: value for name, value in values.items() if name in joints}
     return {only_gripper_joint(robot): position}

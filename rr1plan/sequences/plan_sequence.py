@@ -18,7 +18,7 @@ from rr1plan.sequences.grippers import finger_contacts
 from rr1plan.sequences.passed_corners import pass_corners
 from rr1plan.sequences.segment_options import PlannedSegment
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, StraightLine
-from rr1plan.sequences.sequence import Sequence
+from rr1plan.sequences.sequence import Sequence, label_in
 from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.sequence_search import SequenceSearch
 from rr1plan.sequences.stage_validation import validate_stages
@@ -118,7 +118,7 @@ def _on_one_clock(
                 pieces.append(piece)
         segment = step.segment
         change = segment if isinstance(segment, Attach | Detach) else None
-        stages.append(SequenceStage(segment.label, begin, clock, _allowed(before, step), change))
+        stages.append(SequenceStage(label_in(before, segment), begin, clock, _allowed(before, step), change))
     degree = max((len(piece) for piece in pieces), default=1)
     rows = np.zeros((max(1, len(pieces)), degree, len(names)))
     rows[:, 0] = q

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rr1plan.checks import Seed, as_generator, counted
 from rr1plan.planning import Budget, PlanStatus, Progress, ProgressCallback
-from rr1plan.sequences.segments import Segment
+from rr1plan.sequences.sequence import Sequence, label_in
 
 # Iterations of a free motion in the first round, and their growth factor per round.
 _FIRST_ITERATIONS, _GROWTH = 3000, 5
@@ -36,17 +35,16 @@ class SearchEffort:
     """Budget, seeds and failures of a search in rounds.
 
     Args:
-        segments: The segments.
+        sequence: The sequence.
         budget: Budget of the search.
         rng: Seed of all random numbers.
         progress: Called before each attempt; False cancels.
     """
 
-    def __init__(
-        self, segments: Sequence[Segment], budget: Budget, rng: Seed, progress: ProgressCallback | None
-    ) -> None:
+    def __init__(self, sequence: Sequence, budget: Budget, rng: Seed, progress: ProgressCallback | None) -> None:
         self.progress = progress
-        self._segments, self._rng = segments, as_generator(rng)
+        self._labels = [label_in(sequence.scene, segment) for segment in sequence.segments]
+        self._rng = as_generator(rng)
         self._budget, self._began = budget, time.monotonic()
         self._iterations_left = math.inf if budget.iterations is None else budget.iterations
         self._iterations = _FIRST_ITERATIONS
@@ -65,9 +63,9 @@ class SearchEffort:
             SearchStopped: the budget has ended, or the caller cancels.
         """
         seconds = time.monotonic() - self._began
-        label = f"segment {k + 1} ({self._segments[k].label})"
+        label = f"segment {k + 1} ({self._labels[k]})"
         if self.progress is not None:
-            fraction = k / len(self._segments)
+            fraction = k / len(self._labels)
             if self.progress(Progress(label, seconds, fraction)) is False:
                 raise SearchStopped(PlanStatus.CANCELLED, f"cancelled before {label}")
         if seconds > self._budget.seconds or self._iterations_left <= 0:
@@ -105,7 +103,7 @@ class SearchEffort:
         if stopped is not None and (stopped.status is PlanStatus.CANCELLED or not failures):
             return stopped.status, stopped.reason, None
         last = max(failures)
-        found, label = failures[last], self._segments[last].label
+        found, label = failures[last], self._labels[last]
         reason = f"segment {last + 1} ({label}) not found: {found.first}"
         others = [
             f"segment {k + 1} in {counted(other.count, 'candidate')}"

@@ -211,7 +211,9 @@ class MoveGripper(Value):
             return f"gripper around {self.around!r}"
         if self.width is not None:
             return f"gripper to {1000.0 * self.width:.3g} mm"
-        return f"gripper to {self.position!r}" if isinstance(self.position, str) else f"gripper to {self.position:.4g}"
+        if isinstance(self.position, str):
+            return f"gripper to {self.position!r}"
+        return f"gripper joint to {self.position:.4g}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -114,6 +114,14 @@ class SegmentCheck:
             self._holders.pop(known_name("held object", segment.name, self._holders))
 
 
+def label_in(scene: Scene, segment: Segment) -> str:
+    """The label of a segment of a sequence, with the unit of the gripper's joint."""
+    if not isinstance(segment, MoveGripper) or segment.position is None or isinstance(segment.position, str):
+        return segment.label
+    robot = scene.arms[scene.only_arm(segment.arm)].robot
+    return f"{segment.label} {robot.joint(only_gripper_joint(robot)).unit}"
+
+
 def _check_gripper(scene: Scene, segment: MoveGripper) -> None:
     """Reject gripper motions that are impossible, or around an object that does not exist."""
     robot = scene.arms[scene.only_arm(segment.arm)].robot
@@ -127,6 +135,8 @@ def _check_gripper(scene: Scene, segment: MoveGripper) -> None:
 
 def _check_attach(scene: Scene, segment: Attach, holders: dict[str, str]) -> None:
     """Reject objects that are already held and unknown links, and record the arm that holds the object from here on."""
+    if segment.obstacle in holders:
+        raise InputError(f"{holders[segment.obstacle]!r} already holds {segment.obstacle!r}; detach it first")
     loose = [name for name in (*scene.obstacles, *scene.attachments) if name not in holders]
     known_name("obstacle", segment.obstacle, loose)
     arm = scene.only_arm(segment.arm)

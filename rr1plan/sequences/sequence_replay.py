@@ -13,7 +13,7 @@ from rr1plan.checks import Array, Value, counted
 from rr1plan.playback.simulation.replay import Replay, ReplayContact, errors_in_words, largest_errors
 
 # Tolerance for an object at its planned position [m].
-_NEAR = 0.01
+NEAR = 0.01
 # Tolerance for a joint at its set-point [rad or m].
 _TRACKED = 0.01
 
@@ -54,7 +54,7 @@ class SequenceReplay(Value):
             of gripper joints do not count as failures.
         objects: Motions of the objects that are attached or detached, by name.
         arm_joints: The joints of arms, without those of their grippers.
-        remarks: Assumptions of the replay, such as masses.
+        remarks: Assumptions of the replay, such as masses, and when and why objects left their planned positions.
     """
 
     replay: Replay
@@ -78,7 +78,7 @@ class SequenceReplay(Value):
     @property
     def carried(self) -> bool:
         """Whether all objects stayed within 1 cm of their planned positions."""
-        return all(one.max_offset <= _NEAR for one in self.objects.values())
+        return all(one.max_offset <= NEAR for one in self.objects.values())
 
     @property
     def tracked(self) -> bool:
@@ -105,11 +105,6 @@ class SequenceReplay(Value):
             f"{1e3 * one.final_offset:.2f} mm and {np.degrees(one.angle):.2f} degrees in the end"
             for one in self.objects.values()
         ]
-        if not self.carried:
-            lines.append(
-                "  not carried: a firmer grasp may hold, by squeeze of MoveGripper or stiffness of the servos; if it "
-                "moves outward in turns only, take a smaller dt"
-            )
         lines += [f"  {remark}" for remark in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"

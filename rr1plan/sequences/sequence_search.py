@@ -57,7 +57,7 @@ class SequenceSearch:
         progress: ProgressCallback | None,
     ) -> None:
         self._sequence = sequence
-        self._effort = SearchEffort(sequence.segments, budget, rng, progress)
+        self._effort = SearchEffort(sequence, budget, rng, progress)
         self._options = SegmentOptions(sequence, planner, retiming, self._effort)
 
     def run(self) -> SequenceSearchResult:

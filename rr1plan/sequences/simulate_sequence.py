@@ -20,7 +20,7 @@ from rr1plan.scene import Scene, pair
 from rr1plan.sequences.grippers import finger_lever
 from rr1plan.sequences.segments import Attach
 from rr1plan.sequences.sequence_plan import SequencePlan
-from rr1plan.sequences.sequence_replay import CarriedObject, SequenceReplay
+from rr1plan.sequences.sequence_replay import NEAR, CarriedObject, SequenceReplay
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 
 # MuJoCo's contact dimension (condim) for tangential, torsional and rolling friction. Without the last, a cylinder that
@@ -96,7 +96,8 @@ def simulate_sequence(
     bodies = replay.record.bodies
     rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
     objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
-    return SequenceReplay(replay, objects, of_arms, (*remarks, *replay.remarks))
+    lost = [_where_lost(plan, one, replay.record.times) for one in objects.values() if one.max_offset > NEAR]
+    return SequenceReplay(replay, objects, of_arms, (*remarks, *lost, *replay.remarks))
 
 
 def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:
@@ -173,6 +174,23 @@ def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
     """Whether a column belongs to an arm rather than to its gripper."""
     arm, joint = name.split("/", 1)
     return joint not in plan.gripper_joints.get(arm, ())
+
+
+def _where_lost(plan: SequencePlan, one: CarriedObject, times: Array) -> str:
+    """When an object left its planned position, and what may help."""
+    time = float(times[int(np.argmax(one.offsets > NEAR))])
+    k = max((k for k, stage in enumerate(plan.stages) if stage.begin <= time), default=0)
+    held = plan.scenes()[k].attachments.get(one.name)
+    if held is None:
+        why = "not held then: does it stand on something, and does nothing push it?"
+    elif held.arm not in plan.gripper_joints:
+        why = f"the gripper of {held.arm!r} does not move: only fingers that close hold objects here, not suction"
+    else:
+        why = (
+            "a firmer grasp may hold, by squeeze of MoveGripper or stiffness of the servos; if it moves outward in "
+            "turns only, take a smaller dt"
+        )
+    return f"{one.name!r} is lost at {time:.2f} s ({plan.stages[k].label}): {why}"
 
 
 def _carried(plan: SequencePlan, name: str, times: Array, coordinates: Array) -> CarriedObject:

@@ -71,6 +71,7 @@ def test_a_gripper_moves_while_its_arm_stands_still(table: rp.Scene) -> None:
         table, rp.MoveGripper("open", seconds=0.7), rp.MoveGripper(0.2), rp.MoveGripper(0.2), rp.MoveGripper(width=0.04)
     )
     assert plan, plan
+    assert [stage.label for stage in plan.stages[:2]] == ["gripper to 'open'", "gripper joint to 0.2 rad"]
     ends = [plan.trajectory(stage.end) for stage in plan.stages]
     np.testing.assert_allclose([q[-1] for q in ends[:3]], [0.9, 0.2, 0.2])
     assert plan.stages[0].end == pytest.approx(0.7)

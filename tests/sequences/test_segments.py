@@ -29,7 +29,7 @@ POSE = rp.PoseGoal("tool", [0.1, 0.2, 0.3])
         (rp.StraightLine(offset=[0, 0, 0.05], axes="tool"), "straight line 50 mm ahead"),
         (rp.StraightLine(offset=[0.1, 0, 0]), "straight line by [0.1, 0, 0] m"),
         (rp.MoveGripper("open"), "gripper to 'open'"),
-        (rp.MoveGripper(0.25), "gripper to 0.25"),
+        (rp.MoveGripper(0.25), "gripper joint to 0.25"),
         (rp.MoveGripper(width=0.03), "gripper to 30 mm"),
         (rp.MoveGripper(around="cup"), "gripper around 'cup'"),
         (rp.Attach("cup"), "attach 'cup'"),
@@ -109,8 +109,14 @@ def test_a_gripper_state_without_joints_of_the_gripper_is_refused(rr1: rp.Robot)
 
 def test_a_gripper_without_fingers_is_refused(planar2r: rp.Robot) -> None:
     said = "no locked joint in its hand, expected one that moves its fingers: .* joints= or groups= that leave this"
-    with pytest.raises(rp.InputError, match=said):
-        rp.Sequence(rp.Scene().with_arm("arm", planar2r), [rp.MoveGripper(width=0.01)])
+    for segment in (rp.MoveGripper(width=0.01), rp.MoveGripper("open"), rp.MoveGripper(0.01)):
+        with pytest.raises(rp.InputError, match=f"{said}.*; a hand without fingers takes segments with Attach"):
+            rp.Sequence(rp.Scene().with_arm("arm", planar2r), [segment])
+
+
+def test_an_object_that_is_held_is_not_unknown(table: rp.Scene) -> None:
+    with pytest.raises(rp.InputError, match=r"segment 2 \(attach 'block'\): 'arm' already holds 'block'; detach it"):
+        rp.Sequence(table, [rp.Attach("block"), rp.Attach("block")])
 
 
 def test_a_gripper_of_independent_fingers_is_refused(rr1: rp.Robot) -> None:

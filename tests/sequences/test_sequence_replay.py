@@ -47,12 +47,30 @@ def test_without_friction_the_block_stays_behind(moved: rp.SequencePlan) -> None
     slippery = rp.simulate_sequence(with_block(moved, friction=0.01))
     assert not slippery
     assert not slippery.carried
+    assert "'block' is lost at " in str(slippery)
     assert "a firmer grasp may hold, by squeeze of MoveGripper" in str(slippery)
     assert "if it moves outward in turns only, take a smaller dt" in str(slippery)
     block = slippery.objects["block"]
     assert block.poses[:, 2, 3].max() < 0.06
     assert block.final_offset > 0.1
     assert slippery.tracked
+
+
+def test_an_object_that_nothing_supports_is_lost_before_it_is_held(table: rp.Scene) -> None:
+    floating = table.with_obstacle_at("block", [-0.3, 0.1, 0.2])
+    segments = [rp.Pause(0.5), rp.Attach("block"), rp.Pause(0.1)]
+    plan = rp.plan_sequence(rp.Sequence(floating, segments))
+    (said,) = rp.simulate_sequence(plan, hold=0.0).remarks
+    assert said.startswith("'block' is lost at 0.06 s (pause of 0.5 s): not held then: does it stand on something")
+
+
+def test_only_fingers_that_close_hold(table: rp.Scene) -> None:
+    """A hand that holds by suction, in a plan, drops its object in the simulation."""
+    T = table.link_poses()["arm/tool"] @ rp.transforms.pose([0.0, 0.0, 0.1])
+    held = table.with_obstacle_at("block", T).attach("block", "arm")
+    plan = rp.plan_sequence(rp.Sequence(held, [rp.Pause(0.5), rp.Detach("block")]))
+    said = rp.simulate_sequence(plan, hold=0.0).remarks[-1]
+    assert "(pause of 0.5 s): the gripper of 'arm' does not move: only fingers that close hold objects" in said
 
 
 def test_a_mass_that_is_missing_is_estimated(moved: rp.SequencePlan) -> None:
