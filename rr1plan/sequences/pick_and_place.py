@@ -33,7 +33,7 @@ from rr1plan.transforms import as_pose, pose, quaternion_from_rotation, rotation
 
 # Clearance of the open fingers on each side of the object [m].
 _ROOM = 0.015
-# Objects nearer than this below an object support it [m].
+# Objects support one that is nearer to them than this, or no deeper in them [m].
 _SUPPORTS = 2e-3
 
 
@@ -60,13 +60,14 @@ def pick_and_place(
         arm: The arm (default: the only one).
         grasps: Poses of the tool at the object (default: `top_grasps`).
         supports: Objects on which the object stands before and after, and which it may touch while it is lifted and
-            lowered (default: those less than 2 mm below it in the scene).
+            lowered (default: while it is lifted those less than 2 mm from it in the scene, while it is lowered those
+            less than 2 mm from it at the place; a place deeper than that in one of them is out of the question).
         height: Length of the lift and of the approach [m].
         stop: Whether to come to rest above the object and the place, see `FreeMotion`.
 
     Raises:
         UnknownNameError: no such object or arm.
-        InputError: as for `top_grasps`; or an invalid place.
+        InputError: as for `top_grasps`; or an invalid place, or one inside of what supports the object at others.
     """
     of_kind("scene", scene, Scene)
     check_text("obstacle", obstacle)
@@ -87,13 +88,12 @@ def pick_and_place(
         if not goals:
             raise InputError("grasps is empty, expected at least one PoseGoal")
     places = _places(thing, obstacle, place)
-    given = (
-        None
-        if supports is None
-        else [known_name("support", n, scene.element_names) for n in items_of("supports", supports, "names")]
-    )
-    below = _supports(scene, obstacle, arm, [thing.pose, *map(_pose_of, places)]) if given is None else given
-    rest = [(obstacle, name) for name in below]
+    if supports is None:
+        before = [name for name, gap in _near(scene, obstacle, arm, thing.pose).items() if gap >= -_SUPPORTS]
+        after, places = _supported_places(scene, obstacle, arm, places)
+    else:
+        before = [known_name("support", n, scene.element_names) for n in items_of("supports", supports, "names")]
+        after = before
     fingers = [(f"{arm}/{name}", obstacle) for name in gripper_links(robot) if robot.link(name).collisions]
     above = [_shifted(goal, -height * _pose_of(goal)[:3, 2]) for goal in goals]
     over = [_shifted(goal, np.array([0.0, 0.0, height])) for goal in places]
@@ -103,9 +103,9 @@ def pick_and_place(
         StraightLine(offset=[0.0, 0.0, height], axes="tool", arm=arm),
         MoveGripper(around=obstacle, arm=arm),
         Attach(obstacle, arm=arm),
-        StraightLine(offset=[0.0, 0.0, height], arm=arm, allow=rest, stop=stop),
+        StraightLine(offset=[0.0, 0.0, height], arm=arm, allow=[(obstacle, name) for name in before], stop=stop),
         FreeMotion(over, arm=arm, stop=stop),
-        StraightLine(offset=[0.0, 0.0, -height], arm=arm, allow=rest),
+        StraightLine(offset=[0.0, 0.0, -height], arm=arm, allow=[(obstacle, name) for name in after]),
         Detach(obstacle),
         _open(robot, arm, width, fingers),
         StraightLine(offset=[0.0, 0.0, -height], axes="tool", arm=arm, stop=stop),
@@ -135,18 +135,30 @@ def _places(thing: Obstacle, name: str, place: PoseGoal | ArrayLike | Sequence[P
     return goals
 
 
-def _supports(scene: Scene, name: str, arm: str, poses: Iterable[Array]) -> list[str]:
-    """The supports of an object at some poses."""
-    found: dict[str, None] = {}
-    for T in poses:
-        held = scene.with_obstacle_at(name, T).attach(name, arm)
-        checker = CollisionChecker(held, [arm])
-        gaps = checker.distances(held.arms[arm].q)
-        for both, gap in zip(checker.pairs, gaps.tolist(), strict=True):
-            other = both[0] if both[1] == name else both[1]
-            if name in both and other in scene.obstacles and gap < _SUPPORTS:
-                found[other] = None
-    return list(found)
+def _supported_places(scene: Scene, name: str, arm: str, places: list[PoseGoal]) -> tuple[list[str], list[PoseGoal]]:
+    """The supports of an object at some places, and the places that are not inside of one of them.
+
+    Other objects may have moved by then, so that planning decides whether they are in the way.
+    """
+    near = [_near(scene, name, arm, _pose_of(goal)) for goal in places]
+    supports = list(dict.fromkeys(other for gaps in near for other, gap in gaps.items() if gap >= -_SUPPORTS))
+    deep = [[other for other in supports if gaps.get(other, 0.0) < -_SUPPORTS] for gaps in near]
+    free = [goal for goal, inside in zip(places, deep, strict=True) if not inside]
+    if not free:
+        raise InputError(f"{name!r} overlaps {deep[0][0]!r} at its place, which supports it at another one")
+    return supports, free
+
+
+def _near(scene: Scene, name: str, arm: str, T: Array) -> dict[str, float]:
+    """The obstacles near an object at a pose, with their distances [m], negative if they overlap."""
+    held = scene.with_obstacle_at(name, T).attach(name, arm)
+    checker = CollisionChecker(held, [arm])
+    found: dict[str, float] = {}
+    for both, gap in zip(checker.pairs, checker.distances(held.arms[arm].q).tolist(), strict=True):
+        other = both[0] if both[1] == name else both[1]
+        if name in both and other in scene.obstacles and gap < _SUPPORTS:
+            found[other] = min(gap, found.get(other, gap))
+    return found
 
 
 def _open(robot: Robot, arm: str, width: float | None, allow: Iterable[tuple[str, str]] = ()) -> MoveGripper:

@@ -149,10 +149,29 @@ def test_the_support_may_be_touched_while_the_object_is_lifted_and_lowered(table
     shelf = table.with_obstacle("shelf", rp.Box((0.1, 0.1, 0.02)), [-0.28, -0.12, 0.05])
     segments = rp.pick_and_place(shelf, "block", [-0.28, -0.12, 0.09])
     lines = [s for s in segments if isinstance(s, rp.StraightLine) and s.axes == "world"]
-    both = {frozenset(("block", "table")), frozenset(("block", "shelf"))}
-    assert [s.allow for s in lines] == [both, both]
+    assert [s.allow for s in lines] == [{frozenset(("block", "table"))}, {frozenset(("block", "shelf"))}]
     own = rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03], supports=[])
     assert all(not s.allow for s in own if isinstance(s, rp.StraightLine))
+
+
+def test_a_place_inside_of_a_support_is_refused(table: rp.Scene) -> None:
+    """A place at the height of the table's surface, not half the object's height above it."""
+    good, deep = (rp.PoseGoal("block", rp.transforms.pose([-0.28, -0.12, z])) for z in (0.03, 0.0))
+    segments = rp.pick_and_place(table, "block", deep, grasps=rp.top_grasps(table, "block")[3:4])
+    plan = rp.plan_sequence(rp.Sequence(table, segments), rng=0)
+    assert not plan.found
+    assert plan.reason.startswith("segment 8 (straight line 80 mm down) not found: ")
+    assert "'table' and 'block' overlap by 30 mm" in plan.reason
+    above = rp.pick_and_place(table, "block", [deep, good])[6]
+    assert isinstance(above, rp.FreeMotion)
+    assert above.label == "free motion to 'block' at [-0.28, -0.12, 0.11] m"
+
+
+def test_an_object_sunk_in_the_table_is_not_lifted_through_it(table: rp.Scene) -> None:
+    sunk = table.with_obstacle_at("block", [-0.3, 0.1, 0.02])
+    plan = rp.plan_sequence(rp.Sequence(sunk, rp.pick_and_place(sunk, "block", [-0.28, -0.12, 0.03])), rng=0)
+    assert "segment 6 (straight line 80 mm up) not found" in plan.reason
+    assert "'table' and 'block' overlap by 10 mm" in plan.reason
 
 
 @pytest.mark.parametrize(
