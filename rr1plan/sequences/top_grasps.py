@@ -26,11 +26,11 @@ _REACH = 2e-3
 _PLAY = 2e-4
 # Fingers still meet sides squarely whose normals deviate from the horizontal by this angle [rad].
 _LEVEL = 0.05
-# Step between the angles at which widths are compared [degrees], and the difference that counts [m].
-_TURN, _NARROWER = 1, 1e-6
+# Step between the angles at which widths are compared [degrees], and the share of the width that counts.
+_TURN, _NARROWER = 5, 2e-3
 # Rotation that shows where the sides of an object begin and end [rad].
 _TILT = 0.01
-# Sides that recede from the width of an object by more than this, where fingers meet them, are not grasped [m].
+# Sides that recede farther than this, beyond a tilt that is level, where fingers meet them, are not grasped [m].
 _HOLLOW = 1e-3
 # A cylinder lies if its axis is nearer to the horizontal than to the vertical (cosine of the angle to the vertical).
 _LYING = 0.7
@@ -112,6 +112,8 @@ def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]
     scene = Scene(obstacles={"thing": thing}).with_arm("arm", opened)
     checker, T_tool = CollisionChecker(scene), opened.link_poses(opened.home)[opened.tool]
     grip = grip_frame(robot)
+    low, high = bounding_box(thing.geometries, thing.pose)
+    recess = _HOLLOW + _LEVEL * (high[2] - low[2])
 
     def is_free(T_world_tool: Array, shift: float) -> bool:
         across = grip @ pose([shift, 0.0, 0.0]) @ inverse(grip)
@@ -119,7 +121,7 @@ def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]
         return checker.is_free(opened.home)
 
     def fits(T_world_tool: Array) -> bool:
-        return is_free(T_world_tool, 0.0) and not any(is_free(T_world_tool, shift) for shift in (-_HOLLOW, _HOLLOW))
+        return is_free(T_world_tool, 0.0) and not any(is_free(T_world_tool, shift) for shift in (-recess, recess))
 
     return fits
 
@@ -161,7 +163,7 @@ def _narrow_angles(thing: Obstacle, angles: list[float]) -> list[float]:
     """Angles around the vertical, each changed to the nearest local minimum of the width of an object.
 
     Closing fingers turn an object toward such a minimum (K. Goldberg, "Orienting polygonal parts without sensors",
-    Algorithmica 10, 1993). Where the width is constant, as that of an upright cylinder, angles stay.
+    Algorithmica 10, 1993). Where the width hardly changes, as that of an upright cylinder, angles stay.
     """
     count = 180 // _TURN
     step = np.pi / count
@@ -172,22 +174,26 @@ def _narrow_angles(thing: Obstacle, angles: list[float]) -> list[float]:
 
     widths = [width(k * step) for k in range(count)]
     found: dict[float, float] = {}
+    minima: dict[int, float] = {}
     for angle in angles:
         k = round(angle / step)
         while True:
             before, own, after = (widths[(k + d) % count] for d in (-1, 0, 1))
-            if min(before, after) >= own - _NARROWER:
+            if min(before, after) >= own * (1.0 - _NARROWER):
                 break
             k += 1 if after < before else -1
-        if max(before, after) > own + _NARROWER:
-            angle = _minimum(width, (k - 1) * step, (k + 1) * step)
+        if max(before, after) > own * (1.0 + _NARROWER):
+            turns, rest = divmod(k, count)
+            if rest not in minima:
+                minima[rest] = _minimum(width, (rest - 1) * step, (rest + 1) * step)
+            angle = minima[rest] + turns * np.pi
         found.setdefault(round(angle % (2.0 * np.pi), 4), angle)
     return list(found.values())
 
 
 def _minimum(value: Callable[[float], float], low: float, high: float) -> float:
     """Where a function is least between two arguments, by ternary search."""
-    while high - low > 1e-9:
+    while high - low > 1e-8:
         third = (high - low) / 3.0
         if value(low + third) <= value(high - third):
             high -= third

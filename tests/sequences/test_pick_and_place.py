@@ -259,6 +259,13 @@ def test_a_mug_is_grasped_at_its_middle_however_far_its_handle_reaches(table: rp
         assert abs(goal.rotation[1, 0]) > 0.8
 
 
+@pytest.mark.parametrize(("shape", "tilted"), [(rp.Box((0.03, 0.035, 0.06)), 0.04), (rp.Cylinder(0.015, 0.06), 5e-3)])
+def test_a_little_tilt_takes_no_grasps_away(table: rp.Scene, shape: rp.Shape, tilted: float) -> None:
+    poses = [rp.transforms.pose([-0.3, 0.1, 0.1], rpy=[tilt, 0.0, 0.2]) for tilt in (0.0, tilted)]
+    counts = [len(rp.top_grasps(table.with_obstacle("block", shape, pose), "block")) for pose in poses]
+    assert counts[0] == counts[1] >= 16
+
+
 def test_a_prism_is_grasped_at_its_faces_whatever_its_angle(table: rp.Scene) -> None:
     corners = 0.02 * np.array([[np.cos(a), np.sin(a)] for a in np.arange(6) * np.pi / 3])
     for yaw in (0.0, 0.2, 0.45):
