@@ -61,13 +61,13 @@ def pick_and_place(
         grasps: Poses of the tool at the object (default: `top_grasps`).
         supports: Objects on which the object stands before and after, and which it may touch while it is lifted and
             lowered (default: while it is lifted those less than 2 mm from it in the scene, while it is lowered those
-            less than 2 mm from it at the place; a place deeper than that in one of them is out of the question).
+            less than 2 mm from it at the place; places deeper than that in one of them are omitted).
         height: Length of the lift and of the approach [m].
         stop: Whether to come to rest above the object and the place, see `FreeMotion`.
 
     Raises:
         UnknownNameError: no such object or arm.
-        InputError: as for `top_grasps`; or an invalid place, or one inside of what supports the object at others.
+        InputError: as for `top_grasps`; or an invalid place; or all places are inside of supports.
     """
     of_kind("scene", scene, Scene)
     check_text("obstacle", obstacle)
