@@ -147,6 +147,19 @@ def test_a_pose_goal_whose_solutions_all_collide_says_so(rr1):
     assert "'block' overlap by" in goals.reason
 
 
+def test_a_blocked_pose_is_explained_without_measuring_all_its_configurations(rr1, monkeypatch):
+    measured = []
+    contacts = CollisionChecker.contacts
+    monkeypatch.setattr(CollisionChecker, "contacts", lambda self, q: measured.append(q) or contacts(self, q))
+    at = rr1.link_poses(FREE)["tool"][:3, 3]
+    goals = goals_of(Problem(alone(rr1).with_obstacle("ball", Sphere(0.05), at), "home", PoseGoal("tool", at)))
+    found = re.search(
+        r"every configuration found \((\d+) configurations\); the least deep of the first \d+: ", goals.reason
+    )
+    assert int(found[1]) > 50
+    assert len(measured) < 0.3 * int(found[1])
+
+
 def test_an_unreachable_pose_goal_says_how_far_it_is(planar2r):
     goals = goals_of(Problem(alone(planar2r), "home", PoseGoal("tool", [2.0, 0.0, 0.0])))
     assert goals.status is PlanStatus.INFEASIBLE
