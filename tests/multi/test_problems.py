@@ -26,7 +26,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.placed_path import placed_configuration
-from rr1plan.multi.scenarios import problems
+from rr1plan.multi.scenarios import endpoint_sampling, problems
 from rr1plan.multi.scenarios.endpoint_sampling import floor_under, front_of, one_turn, problem_between
 from rr1plan.multi.timing.coordination import are_apart
 
@@ -144,6 +144,22 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         InputError, match=r"try a wider window .* a tool other than 'tool' if the hand reaches beyond it"
     ):
         handover_window(rr1, 0.10, 0, gap=0.001)
+
+
+def test_a_tool_that_cannot_reach_its_place_is_named(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other draw of levels helps an arm whose tool stays at one height."""
+    starts: list[int] = []
+    solve = endpoint_sampling.solve_ik
+    monkeypatch.setattr(
+        endpoint_sampling, "solve_ik", lambda *given, **named: starts.append(1) or solve(*given, **named)
+    )
+    for make in (shelf_rows, shared_bin, handover_window):
+        with pytest.raises(
+            InputError, match=r"the tool 'tool' of 'planar2r' reaches none of .* points from .* to .* m"
+        ):
+            make(planar2r, rng=0)
+        assert len(starts) <= 100
+        starts.clear()
 
 
 def test_bases_need_no_clearance_from_each_other(rr1: rp.Robot) -> None:

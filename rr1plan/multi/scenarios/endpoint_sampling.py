@@ -145,6 +145,29 @@ def tool_in_box(scene: Scene, arm: str, box: ToolBox) -> Draw:
     return draw
 
 
+def check_reach(robot: Robot, box: ToolBox, draw: Draw) -> None:
+    """Reject a robot whose tool reaches no point of a box.
+
+    Args:
+        robot: The robot.
+        box: The box.
+        draw: Its sampler.
+
+    Raises:
+        InputError: all of `_BOX_DRAWS` random points are out of reach.
+    """
+    rng = np.random.default_rng(0)
+    if all(draw(rng) is None for _ in range(_BOX_DRAWS)):
+        corners = np.array([box.low, box.high]) @ box.frame[:3, :3].T + box.frame[:3, 3]
+        low, high = (
+            "[{:.3g}, {:.3g}, {:.3g}]".format(*corner) for corner in (corners.min(axis=0), corners.max(axis=0))
+        )
+        raise InputError(
+            f"the tool {robot.tool!r} of {robot.name!r} reaches none of {_BOX_DRAWS} random points from {low} to "
+            f"{high} m, where it starts or ends; try another robot or tool"
+        )
+
+
 def _anywhere(robot: Robot) -> Draw:
     low, high = one_turn(robot)
     return lambda rng: np.asarray(rng.uniform(low, high))

@@ -14,8 +14,10 @@ import numpy as np
 from rr1plan.checks import Array, Seed, as_generator, positive_number, whole_number
 from rr1plan.errors import InputError
 from rr1plan.multi.scenarios.endpoint_sampling import (
+    Draw,
     ToolBox,
     check_position_limits,
+    check_reach,
     facing,
     floor_under,
     horizontal_reach,
@@ -64,6 +66,12 @@ class _Cell:
         ]
         self.scene = self.scene.with_obstacle(name, parts)
 
+    def draw(self, arm: str, box: ToolBox) -> Draw:
+        """Draw configurations with an arm's tool in a box that it reaches."""
+        draw = tool_in_box(self.scene, arm, box)
+        check_reach(self.robot, box, draw)
+        return draw
+
     def problem(
         self, starts: Mapping[str, ToolBox], goals: Mapping[str, ToolBox], rng: np.random.Generator, advice: str
     ) -> Problem:
@@ -71,7 +79,7 @@ class _Cell:
         advice += f", or a tool other than {self.robot.tool!r} if the hand reaches beyond it"
         ends = []
         for boxes in (starts, goals):
-            draws = {arm: tool_in_box(self.scene, arm, box) for arm, box in boxes.items()}
+            draws = {arm: self.draw(arm, box) for arm, box in boxes.items()}
             ends.append(sample_configurations(self.scene, rng, draws, advice=advice))
         return problem_between(self.scene, ends[0], ends[1], rng, draws)
 
@@ -227,6 +235,9 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
         low, high = levels[level] + 0.08, levels[level + 1] - 0.08
         return ToolBox(pose((0.0, middle, 0.0)), (near, -0.3 * pitch, low), (deepest, 0.3 * pitch, high))
 
+    # Other draws of levels and bays do not help a robot that reaches only one level.
+    for between in range(2):
+        cell.draw(arms[0], place(0, 0, between))
     for attempt in range(_ATTEMPTS):
         level = generator.integers(2, size=count).tolist()
         # Each moves to its own bay or the next one.
