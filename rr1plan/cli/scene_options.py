@@ -65,7 +65,8 @@ def chosen_problem(options: Namespace, file: SceneFile) -> Problem:
         problem = _chosen_query(options.scene, file.problems, options.query)
         if options.start is None:
             return problem
-        return rp.Problem(problem.scene, name_or_numbers(options.start), dict(problem.goal))
+        start = name_or_numbers(options.start)
+        return rp.Problem(problem.scene, start, dict(problem.goal)).with_margin(problem.margin)
     arm = file.scene.only_arm(options.arm)
     if options.goal is not None:
         goal: Any = name_or_numbers(options.goal)
@@ -132,4 +133,4 @@ def with_limits(problem: Problem, preset: str) -> Problem:
     scene = problem.scene
     for name, arm in scene.arms.items():
         scene = scene.with_robot(name, arm.robot.with_limits(preset))
-    return rp.Problem(scene, problem.start, dict(problem.goal), arms=problem.arms)
+    return problem.in_scene(scene)

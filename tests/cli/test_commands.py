@@ -38,6 +38,16 @@ def test_plan_writes_what_was_asked_for_and_says_so(capsys: pytest.CaptureFixtur
         assert name in said
 
 
+def test_the_margin_of_a_query_is_kept_with_another_start_and_other_limits(capsys: pytest.CaptureFixture[str]) -> None:
+    scene = rp.load_scene("rr1_table")
+    problem = rp.Problem(scene, "home", rp.load_problems("rr1_table")["above_parcel"].goal["rr1"]).with_margin(0.004)
+    rp.save_scene("cell.toml", scene, problems={"above": problem})
+    start = [f"{q:.3f}" for q in problem.start + 0.01]
+    for others in ([], ["--start", *start], ["--limits", "hardware"]):
+        assert run(["plan", "cell.toml", "--seed", "0", "--json", *others]) == OK
+        assert answer(capsys)["margin"] == 0.004
+
+
 def test_plan_as_json_is_one_value(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plan", "rr1_table", "--json", "--planner", "roadmap", "--limits", "hardware"]) == OK
     value = answer(capsys)
