@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Mapping
 from pathlib import Path
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
 from rr1plan.cli.picture_files import check_video, film
-from rr1plan.cli.scene_options import check_scene_name, name_or_numbers, named_query, page_options
+from rr1plan.cli.scene_options import check_scene_name, chosen_query, name_or_numbers, page_options
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable
 from rr1plan.planners import chosen_planner
-from rr1plan.scene.model_library import load_problems, load_scene
+from rr1plan.scene.model_library import load_scene_file
 
 # Short edges [rad] show how the tree grew.
 _TREE_RANGE = 0.15
@@ -24,7 +25,8 @@ def cspace(options: Namespace, console: Console) -> int:
     """Draw the configuration space of two joints, with a query of a two-joint arm and its result."""
     look = page_options(options)
     check_scene_name(options.scene)
-    scene, problem = load_scene(options.scene), _flat_query(options)
+    loaded = load_scene_file(options.scene)
+    scene, problem = loaded.scene, _flat_query(options, loaded.problems)
     pictures = _pictures(options, scene)
     if problem is None:
         idle = [option for option in ("--planner", "--seconds", "--seed") if option in options.given]
@@ -89,11 +91,11 @@ def _with_tree(name: str) -> rp.Planner:
     return rp.OmplPlanner(name, tree=True) if isinstance(planner, rp.OmplPlanner) else planner
 
 
-def _flat_query(options: Namespace) -> rp.Problem | None:
+def _flat_query(options: Namespace, queries: Mapping[str, rp.Problem]) -> rp.Problem | None:
     """The query to draw: the requested one, or the first that the picture can show; None for a picture without one."""
     if options.query is not None:
-        return named_query(options.scene, options.query)
-    for problem in load_problems(options.scene).values():
+        return chosen_query(options.scene, queries, options.query)
+    for problem in queries.values():
         own = problem.scene.arms[problem.arms[0]].robot.joint_names
         shown = options.arm in (None, problem.arms[0]) and options.joints in (None, list(own))
         if problem.nq == 2 and len(problem.arms) == 1 and shown:

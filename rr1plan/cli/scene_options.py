@@ -62,7 +62,7 @@ def chosen_problem(options: Namespace, file: SceneFile) -> Problem:
         InputError: a scene without queries and no goal.
     """
     if options.goal is None and options.position is None:
-        problem = _chosen_query(options.scene, file.problems, options.query)
+        problem = chosen_query(options.scene, file.problems, options.query)
         if options.start is None:
             return problem
         start = name_or_numbers(options.start)
@@ -83,11 +83,16 @@ def named_query(scene: str, name: str | None) -> Problem:
         UnknownNameError: no query of that name.
         InputError: the scene has no queries.
     """
-    return _chosen_query(scene, load_problems(scene), name)
+    return chosen_query(scene, load_problems(scene), name)
 
 
-def _chosen_query(scene: str, queries: Mapping[str, Problem], name: str | None) -> Problem:
-    """The query of that name, or the first."""
+def chosen_query(scene: str, queries: Mapping[str, Problem], name: str | None) -> Problem:
+    """The query of that name, or the first.
+
+    Raises:
+        UnknownNameError: no query of that name.
+        InputError: there are no queries.
+    """
     if not queries:
         raise InputError(f"scene {scene!r} has no queries; give a goal (option goal, option position)")
     if name is None:

@@ -455,6 +455,19 @@ def test_another_motion_is_compared_on_the_page(motion: Path, capsys: pytest.Cap
     assert "--compare takes a motion beside another motion" in capsys.readouterr().err
 
 
+def test_cspace_reports_a_robot_once(capsys: pytest.CaptureFixture[str]) -> None:
+    link = '<link name="{}"><collision><geometry><box size="0.3 0.02 0.02"/></geometry></collision></link>'
+    joint = (
+        '<joint name="{1}" type="revolute"><parent link="{0}"/><child link="{1}"/><origin xyz="0 0 0.1"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+    )
+    parts = [*map(link.format, "abc"), *map(joint.format, "ab", "bc")]
+    Path("arm.urdf").write_text(f'<robot name="two">{"".join(parts)}</robot>')
+    Path("cell.toml").write_text('[arms.arm]\nrobot = "arm.urdf"\n')
+    assert run(["cspace", "cell.toml", "--resolution", "8", "--svg", "a.svg"]) == OK
+    assert capsys.readouterr().err.count("links without a mass") == 1
+
+
 def test_cspace_draws_and_proves(capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         run(["cspace", "planar2r_no_path", "--resolution", "120", "--svg", "a.svg", "--html", "a.html", "--json"]) == OK
