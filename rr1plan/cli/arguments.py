@@ -11,8 +11,8 @@ from typing import Any, NoReturn
 from rr1plan.checks import resolved_path
 from rr1plan.errors import InputError, UnknownNameError
 
-# Before Python 3.14, argparse interprets such numbers as options unless a space precedes them.
-_NEGATIVE = re.compile(r"-((\d+\.?\d*|\.\d+)e[+-]?\d+|inf|infinity|nan)$", re.IGNORECASE)
+# Before Python 3.14, argparse interprets such numbers, and lists with commas, as options unless a space precedes them.
+_NEGATIVE = re.compile(r"-((\d+\.?\d*|\.\d+)(e[+-]?\d+(,.*)?|,.*)|inf|infinity|nan)$", re.IGNORECASE)
 
 
 class Shown(Exception):

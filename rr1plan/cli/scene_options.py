@@ -122,10 +122,10 @@ def name_or_numbers(values: list[str], name: str = "a configuration's name") -> 
     Raises:
         InputError: several words that are not numbers, or numbers separated by commas.
     """
+    text = " ".join(values).strip()
     try:
-        return [float(value) for value in values]
+        return [float(word) for word in text.split() or values]
     except ValueError:
-        text = " ".join(values)
         if "," in text and not text.strip("0123456789+-.eE, "):
             raise InputError(f"{text!r}: separate numbers by spaces, not by commas") from None
         if len(values) == 1:

@@ -43,7 +43,7 @@ def test_the_margin_of_a_query_is_kept_with_another_start_and_other_limits(capsy
     problem = rp.Problem(scene, "home", rp.load_problems("rr1_table")["above_parcel"].goal["rr1"]).with_margin(0.004)
     rp.save_scene("cell.toml", scene, problems={"above": problem})
     start = [f"{q:.3f}" for q in problem.start + 0.01]
-    for others in ([], ["--start", *start], ["--limits", "hardware"]):
+    for others in ([], ["--start", *start], ["--start", " ".join(start)], ["--limits", "hardware"]):
         assert run(["plan", "cell.toml", "--seed", "0", "--json", *others]) == OK
         assert answer(capsys)["margin"] == 0.004
 

@@ -151,6 +151,8 @@ def test_a_mistake_on_the_command_line_is_json_where_json_is_wanted(capsys: pyte
         ),
         (["plan", "rr1_table", "--start", "1", "--goal", "home"], "start of 'rr1' has 1 number, expected 6"),
         (["plan", "rr1_table", "--goal", "0.1,0.2,-3e-1"], "'0.1,0.2,-3e-1': separate numbers by spaces"),
+        (["plan", "rr1_table", "--goal", "-0.1,0.2,3"], "'-0.1,0.2,3': separate numbers by spaces, not by commas"),
+        (["plan", "rr1_table", "--start", "-1e-3,", "0"], "'-1e-3, 0': separate numbers by spaces, not by commas"),
         (["plan", "rr1_table", "--goal", "0.1,", "2"], "'0.1, 2': separate numbers by spaces, not by commas"),
         (["plan", "rr1_table", "--goal", "a", "b"], "'a b' is neither a configuration's name nor numbers"),
         (["plan", "rr1_table", "--planner", "cartesian", "--goal", "home"], "moves to a pose, got a configuration"),
