@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import rr1plan as rp
 from rr1plan.errors import InputError
 from rr1plan.model import Kinematics
 from rr1plan.robot import Robot
@@ -152,6 +154,17 @@ def test_tool_means_the_robot_s_tool_also_beside_a_link_of_that_name(rr1: Robot,
 def test_wrong_starts_and_goals_are_refused(one: Scene, start: Any, goal: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         Problem(one, start, goal)
+
+
+def test_tool_is_suggested_as_a_frame_if_no_link_has_that_name(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(
+        '<robot name="one"><link name="base"/><link name="tip"/><joint name="turn" type="continuous">'
+        '<parent link="base"/><child link="tip"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    scene = Scene().with_arm("arm", rp.load_robot(file))
+    with pytest.raises(InputError, match=r"unknown frame 'tol'. Did you mean 'tool'\? Known: tool, base, tip"):
+        Problem(scene, "home", PoseGoal("tol", [0, 0, 0]))
 
 
 def test_one_arm_is_named_without_a_list(two: Scene) -> None:

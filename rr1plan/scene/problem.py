@@ -396,4 +396,4 @@ def frame_link(robot: Robot, frame: str) -> str:
     """
     if frame == "tool":
         return robot.tool
-    return known_name("frame", frame, robot.link_names)
+    return known_name("frame", frame, tuple(dict.fromkeys(("tool", *robot.link_names))))
