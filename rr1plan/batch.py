@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import math
-import os
 import pickle
 import signal
 import time
@@ -34,7 +33,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 
-from rr1plan.batch_worker import Raised, Settings, Task, begin_worker, raised, run_chunk
+from rr1plan.batch_worker import Raised, Settings, Task, begin_worker, load_planner, raised, run_chunk
 from rr1plan.checks import (
     Seed,
     Value,
@@ -230,11 +229,17 @@ def _sent_planner(planner: str | Planner | None, executor: Executor | None) -> s
         except InputError:
             raise
         except Exception as error:
-            raise InputError(
-                f"planner {chosen.name!r} cannot be sent to other processes: {error}; "
-                "define its class in a module, and keep what cannot be pickled out of it"
-            ) from error
+            raise _not_sent(chosen, error) from error
     return chosen
+
+
+def _not_sent(planner: str | Planner | None, error: Exception) -> InputError:
+    """The error about a planner that processes cannot load."""
+    name = planner.name if isinstance(planner, Planner) else planner
+    return InputError(
+        f"planner {name!r} cannot be sent to other processes: {error}; "
+        "define its class in a module, and keep what cannot be pickled out of it"
+    )
 
 
 def _checked(problems: Iterable[Problem], executor: object, workers: int | None) -> list[Problem]:
@@ -399,10 +404,10 @@ def _work_in_processes(chunks: list[list[Task]], settings: Settings, board: _Boa
     """Process all chunks in spawned processes; tasks lost with a process are repeated, each alone."""
     left = deque(chunks)
     while left and not board.cancelled:
-        with _pool(workers, board) as pool:
+        with _pool(workers, board, settings.planner) as pool:
             suspects = deque(task for task, _ in _work_off(pool, left, settings, board, workers))
         while suspects and not board.cancelled:
-            with _pool(1, board) as pool:
+            with _pool(1, board, settings.planner) as pool:
                 while suspects and not board.cancelled:
                     task = suspects.popleft()
                     if _work_off(pool, deque([[task]]), settings, board, 1):
@@ -439,15 +444,17 @@ def _interrupts_blocked() -> Iterator[None]:
 
 
 @contextmanager
-def _pool(workers: int, board: _Board) -> Iterator[Executor]:
-    """A pool of running processes; at the end they are stopped and joined."""
+def _pool(workers: int, board: _Board, planner: str | Planner | None) -> Iterator[Executor]:
+    """A pool of running processes, which know the planner; at the end they are stopped and joined."""
     context = get_context("spawn")
     stop = context.Event()
     pool = _Pool(workers, mp_context=context, initializer=begin_worker, initargs=(stop, board.ended))
     pool.stop = stop
     try:
         try:
-            pool.submit(os.getpid).result()
+            pool.submit(load_planner, pickle.dumps(planner)).result()
+        except (AttributeError, ImportError) as error:
+            raise _not_sent(planner, error) from error
         except (BrokenExecutor, RuntimeError) as error:
             raise BackendError(
                 "worker processes do not start; they import the script that runs, so its main part "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import signal
 import traceback
 from collections.abc import Callable
@@ -66,6 +67,11 @@ def begin_worker(stop: Any, ended: Any) -> None:
 
 def _go_on(progress: Progress) -> bool:
     return not _should_stop()
+
+
+def load_planner(pickled: bytes) -> None:
+    """Load the planner of a batch, which fails in processes that do not know its class."""
+    pickle.loads(pickled)
 
 
 def run_chunk(chunk: list[Task], settings: Settings) -> list[Any]:

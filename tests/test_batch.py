@@ -323,6 +323,23 @@ def test_a_script_without_a_guard_is_told_so(tmp_path):
     assert "BackendError: worker processes do not start" in done.stderr
 
 
+def test_a_planner_that_processes_do_not_know_is_named(tmp_path):
+    """As one that is defined in a notebook, or below the guard of a script."""
+    file = tmp_path / "own_planner.py"
+    file.write_text(
+        SCRIPT + "if __name__ == '__main__':\n"
+        "    class Own(rp.RrtConnect):\n"
+        "        name = 'own'\n"
+        "    rp.plan_many(asked, workers=1, planner=Own())\n"
+    )
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]
+    assert "InputError: planner 'own' cannot be sent to other processes: Can't get attribute 'Own'" in said
+    assert said.endswith("define its class in a module, and keep what cannot be pickled out of it")
+    assert "Process SpawnProcess" not in done.stderr
+
+
 def has_ended(group):
     """Whether no process of a group is left; multiprocessing's tracker ends a moment later than the others."""
     try:
