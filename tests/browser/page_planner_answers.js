@@ -50,6 +50,14 @@ function solutions(planner, targets) {
   });
 }
 
+/** The numbers of iterations that a planner reports. */
+function progress(planner, start, goal, iterations) {
+  const found = [];
+  planner.report = (text) => found.push(Number(text.replace(",", "").replace(" iterations", "")));
+  planner.plan(start, goal, { iterations, seconds: 1e3 });
+  return found.filter(Number.isFinite);
+}
+
 /** Faults that the referee finds in motions that were changed by hand. */
 function faults(planner, start, goal) {
   const { track } = planner.plan(start, goal, { seed: 1 });
@@ -109,4 +117,4 @@ function amongOthers(planner, rows) {
   return rows.map((q) => [planner.contacts(q), names(planner).map((_, arm) => planner.clearance(q, Infinity, [arm]))]);
 }
 
-const answers = { motions, configurations, edges, solutions, faults, errors, inTurn, amongOthers };
+const answers = { motions, progress, configurations, edges, solutions, faults, errors, inTurn, amongOthers };

@@ -176,13 +176,23 @@ def test_node_plans_the_same(name: str, count: int) -> None:
     check(in_node(planner_data(scene), "motions", asked, SEARCH), expected)
 
 
-@pytest.mark.parametrize(("gap", "margin"), [(0.05, 0.02), (0.03, 0.01), (0.02, 0.005), (-0.01, None)])
-def test_a_margin_that_blocks_is_halved_as_by_plan_motion(gap: float, margin: float | None) -> None:
+def gap_scene(gap: float) -> rp.Scene:
     """A ball that slides through a gap [m] in addition to its diameter."""
     scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (1.0, 1.0), width=0.1))
     for name, side in (("left", -1.0), ("right", 1.0)):
         scene = scene.with_obstacle(name, rp.Box((0.1, 2.0, 0.2)), [0.5, 0.5 + side * (1.05 + 0.5 * gap), 0.0])
-    start, goal, most = [0.1, 0.8], [0.9, 0.2], 20_000
+    return scene
+
+
+def test_reported_iterations_never_decrease_while_smaller_margins_are_tried() -> None:
+    reported = in_node(planner_data(gap_scene(-0.01)), "progress", [0.1, 0.8], [0.9, 0.2], 20_000)
+    assert reported[-1] == 20_000
+    assert reported == sorted(reported)
+
+
+@pytest.mark.parametrize(("gap", "margin"), [(0.05, 0.02), (0.03, 0.01), (0.02, 0.005), (-0.01, None)])
+def test_a_margin_that_blocks_is_halved_as_by_plan_motion(gap: float, margin: float | None) -> None:
+    scene, start, goal, most = gap_scene(gap), [0.1, 0.8], [0.9, 0.2], 20_000
     asked: list[Any] = [{"moves": [], "questions": [[start, goal]]}]
     [[found]] = in_node(page_planner(scene, margin=0.02), "motions", asked, most)
     motion = rp.plan_motion(rp.Problem(scene, start, goal), margin=0.02, budget=Budget(math.inf, most), rng=0)

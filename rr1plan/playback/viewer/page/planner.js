@@ -362,7 +362,7 @@ class PagePlanner {
       const kept = answer.margin, { halvings, ratio } = this.#data.margins, most = Math.floor(samples / ratio);
       const brief = (margin) => this.#core.scoped(() => {
         const found = { ...answer, margin };
-        const path = this.#search(query, most, deadline, found);
+        const path = this.#search({ ...query, isBrief: true }, most, deadline, found);
         return path && { path, found };
       });
       let best = brief(0);
@@ -373,8 +373,11 @@ class PagePlanner {
     });
   }
 
-  /** The same with that margin alone. A pause is called with the number of samples after many of them, and may return a path. */
-  #search({ start, goal, seed, step }, iterations, deadline, answer, pause = null) {
+  /**
+   * The same with that margin alone. A pause is called with the number of samples after many of them, and may return a
+   * path. A brief search does not report its samples.
+   */
+  #search({ start, goal, seed, step, isBrief = false }, iterations, deadline, answer, pause = null) {
     this.#keepMargin(answer.margin);
     const core = this.#core, { scene, scratch } = this, nq = this.columns.length;
     const { lower, upper, extent, can_move } = this.#memory;
@@ -405,7 +408,7 @@ class PagePlanner {
       const samples = Math.min(trees.samples + chunk, iterations, nextPause);
       const code = core.call("rr1_grow_trees", trees, query, random, samples, scene, scratch);
       answer.iterations = trees.samples;
-      this.report(`${trees.samples.toLocaleString("en")} iterations`);
+      if (!isBrief) this.report(`${trees.samples.toLocaleString("en")} iterations`);
       const solved = code === SEARCH_SOLVED, over = trees.samples >= iterations || performance.now() >= deadline;
       if (solved || over) answer.trees = trees.sides.map((side) => this.#asTree(side, trees.capacity));
       if (solved) return new Float64Array(core.buffer, trees.path, trees.path_rows * nq).slice();
