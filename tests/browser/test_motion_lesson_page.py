@@ -52,6 +52,18 @@ def test_the_phase_plane_is_that_of_python(
     page.ask("Object.assign(RR1.timing.values, {blend: 3, velocity: 1, acceleration: 1})")
 
 
+@pytest.mark.parametrize("mode", ["plane", "blend", "phases"])
+def test_sliders_are_long_enough_to_drag_in_a_small_window(page: Any, mode: str) -> None:
+    page.resize(1280, 720)
+    page.ask("(mode) => RR1.timing.show(mode)", mode)
+    knobs = page.ask(
+        """Array.from(document.querySelectorAll('#panel-timing .knobs label'), (label) => [
+            label.querySelector('input').offsetWidth, label.scrollWidth - label.clientWidth])"""
+    )
+    page.resize(960, 640)
+    assert all(width >= 34 and beyond <= 0 for width, beyond in knobs), knobs
+
+
 @pytest.mark.parametrize("mode", ["plane", "blend", "phases", "cost"])
 def test_no_words_of_a_chart_overlap_in_a_small_window(page: Any, mode: str) -> None:
     page.resize(1280, 720)
