@@ -78,8 +78,8 @@ class SixJointsLesson(Lesson):
         joints = [
             {
                 "name": name.removesuffix("_joint"),
-                "straight": robot.joint(name).kind == "prismatic",
-                "symbol": f"θ{_DIGITS[k]}",
+                "straight": (straight := robot.joint(name).kind == "prismatic"),
+                "symbol": _symbol(k, straight),
             }
             for k, name in enumerate(robot.joint_names)
         ]
@@ -124,6 +124,7 @@ class SixJointsLesson(Lesson):
         plots = figure.subplots(2, 3).ravel()
         robot = self.scene.arms[self.arm].robot
         posed = np.array(self.solutions[0].q)
+        straight = [joint.kind == "prismatic" for joint in map(robot.joint, robot.joint_names)]
         handles: dict[str, Patch] = {}
         # One pair of joints at several values of another joint; then other pairs.
         lower, upper = robot.limits.lower, robot.limits.upper
@@ -137,9 +138,11 @@ class SixJointsLesson(Lesson):
             for name, patch in _draw_slice(axes, grid).items():
                 handles.setdefault(name, patch)
             axes.set(xlim=(lower[i], upper[i]), ylim=(lower[j], upper[j]))
-            axes.set(xlabel=f"θ{_DIGITS[i]} [rad]", ylabel=f"θ{_DIGITS[j]} [rad]")
+            labels = [f"{_symbol(k, straight[k])} [{'m' if straight[k] else 'rad'}]" for k in (i, j)]
+            axes.set(xlabel=labels[0], ylabel=labels[1])
             if (i, j) == (0, 2):
-                axes.set_title(f"θ{_DIGITS[other]} = {np.degrees(value):.0f}°", loc="left")
+                shown = f"{value:.2g} m" if straight[other] else f"{np.degrees(value):.0f}°"
+                axes.set_title(f"{_symbol(other, straight[other])} = {shown}", loc="left")
         self._draw_share(plots[5])
         figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=8, frameon=False, fontsize=12)
 
@@ -151,7 +154,7 @@ class SixJointsLesson(Lesson):
             counts, [r.low for r in rows], [r.high for r in rows], color="#2f66c8", alpha=0.2, linewidth=0
         )
         axes.plot(counts, [r.share for r in rows], color="#2f66c8", linewidth=2)
-        axes.set(xscale="log", ylim=(0.5, 1.0), xlabel="samples", ylabel="free share")
+        axes.set(xscale="log", ylim=(0.5 if rows[-1].low > 0.5 else 0.0, 1.0), xlabel="samples", ylabel="free share")
         axes.set_xticks([100, 1000], ["100", "1000"])
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_box_aspect(1)
@@ -169,6 +172,11 @@ def _draw_slice(axes: Axes, grid: CSpaceGrid) -> dict[str, Patch]:
             handles[name] = swatch(color, patterns[name], label=name)
     axes.set_box_aspect(1)
     return handles
+
+
+def _symbol(k: int, straight: bool) -> str:
+    """The symbol of a joint's variable."""
+    return f"{'d' if straight else 'θ'}{_DIGITS[k]}"
 
 
 def _solution_data(solution: InverseSolution) -> dict[str, object]:

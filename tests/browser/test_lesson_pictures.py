@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser.conftest import Tab
+from lift_arm import lift_scene
 
 import rr1plan as rp
 from rr1plan.lessons.continuous_checking_lesson import ContinuousCheckingLesson
@@ -364,6 +365,39 @@ def test_samples_of_the_page_agree_with_those_of_python(page: tuple[Any, Any]) -
     assert low < lesson.share.share < high
     assert 0.03 < high - low < 0.05
     assert f"{100 * share:.1f} %" in tab.page.locator("#panel-slices .verdict").inner_text()
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_names_of_joints_have_room_beside_their_values_in_a_small_window(page: tuple[Any, Any]) -> None:
+    tab, _ = page
+    tab.resize(1280, 720)
+    go_to(tab, "self_motion")
+    cut = """[...document.querySelectorAll('#panel-slices .sliders label')]
+        .filter((label) => label.scrollWidth > label.clientWidth).map((label) => label.textContent)"""
+    found = tab.ask(cut)
+    tab.resize(1440, 900)
+    assert found == []
+
+
+def test_six_joints_may_slide_and_be_blocked_most_of_the_time(tab: Any, tmp_path: Path) -> None:
+    tab.open(rp.lesson("six_joints", lift_scene(tmp_path)).save_html(tmp_path / "page.html"), READY)
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    readings = tab.page.locator("#panel-slices .sliders output").all_inner_texts()
+    assert readings[:2] == ["200.0 mm", "138°"]
+    go_to(tab, "measure")
+    tab.page.keyboard.press("s")
+    marks = tab.ask(
+        """() => {
+            const usual = CanvasRenderingContext2D.prototype.fillText, texts = [];
+            CanvasRenderingContext2D.prototype.fillText = function (text) { texts.push(text); };
+            RR1.slices.drawChart(RR1.slices.chart.canvas.getContext("2d"), 1);
+            CanvasRenderingContext2D.prototype.fillText = usual;
+            return texts;
+        }"""
+    )
+    assert tab.ask("RR1.slices.interval(RR1.slices.counts.length)")[2] < 0.5
+    assert {"0 %", "50 %", "100 %"} <= set(marks)
+    assert tab.complaints == []
 
 
 @pytest.mark.parametrize("name", ["two_arms", "six_joints"])

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from lift_arm import lift_scene
 from PIL import Image
 
 import rr1plan as rp
@@ -378,6 +379,14 @@ def test_the_figure_of_a_gantry_shows_its_range() -> None:
     low, high = lesson.figure().axes[0].get_xlim()
     assert low < 0.0
     assert 1.0 < high < 1.5
+
+
+def test_the_figure_on_six_joints_has_meters_for_a_sliding_one(tmp_path: Path) -> None:
+    lesson: Any = rp.lesson("six_joints", lift_scene(tmp_path))
+    axes = lesson.figure().axes
+    assert (axes[0].get_xlabel(), axes[0].get_ylabel()) == ("d₁ [m]", "θ₃ [rad]")
+    assert lesson.share.share < 0.5
+    assert axes[5].get_ylim() == (0.0, 1.0)
 
 
 def test_texts_on_limits_fit_the_number_of_solutions() -> None:

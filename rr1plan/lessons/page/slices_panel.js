@@ -64,14 +64,15 @@ class SixJoints {
   }
 
   fillSliders() {
-    this.sliders = data.all.joints.map(({ name }, k) => {
+    this.sliders = data.all.joints.map(({ name, straight }, k) => {
       const row = document.createElement("div"), label = document.createElement("label"), slider = document.createElement("input"), out = document.createElement("output");
-      Object.assign(slider, { type: "range", min: data.all.low[k], max: data.all.high[k], step: Math.PI / 360, id: `slices-${k}` });
+      const low = data.all.low[k], high = data.all.high[k];
+      Object.assign(slider, { type: "range", min: low, max: high, step: straight ? (high - low) / 500 : Math.PI / 360, id: `slices-${k}` });
       label.htmlFor = slider.id;
       label.textContent = `${k + 1} ${name}`;
       slider.oninput = () => { const q = this.q(); q[k] = Number(slider.value); this.pose(q); };
       row.append(label, out, slider);
-      return { row, slider, out };
+      return { row, slider, out, text: straight ? (v) => readingOf(data.arm[k], v) : degrees };
     });
     part(".sliders").replaceChildren(...this.sliders.map(({ row }) => row));
   }
@@ -148,10 +149,10 @@ class SixJoints {
 
   follow() {
     const q = this.q();
-    this.sliders.forEach(({ slider, out }, k) => {
+    this.sliders.forEach(({ slider, out, text }, k) => {
       slider.value = q[k];
       fillSlider(slider);
-      showValue(slider, out, degrees(q[k]));
+      showValue(slider, out, text(q[k]));
     });
     if (this.mode === "solutions") this.pressSolution(String(this.solution()));
     if (this.rasterKey() !== this.rastered) this.rasterize();
@@ -278,11 +279,11 @@ class SixJoints {
   drawChart(pen, unit) {
     const { chart, counts } = this, { width, height } = chart.canvas, n = counts.length;
     const left = 42 * unit, right = width - 8 * unit, top = 8 * unit, floor = height - 22 * unit;
-    const low = 0.5, high = 1;
+    const low = n && this.interval(n)[1] < 0.5 ? 0 : 0.5, high = 1;
     const y = (p) => floor - ((clamp(p, low, high) - low) / (high - low)) * (floor - top), x = (k) => left + (k / Math.max(n, 1)) * (right - left);
     chart.font(11);
     Object.assign(pen, { fillStyle: SOFT, strokeStyle: "#e3e7ec", lineWidth: chart.ratio, textAlign: "right", textBaseline: "middle" });
-    for (const p of [0.5, 0.75, 1]) {
+    for (const p of [low, 0.5 * (low + high), high]) {
       pen.beginPath(); pen.moveTo(left, y(p)); pen.lineTo(right, y(p)); pen.stroke();
       pen.fillText(percent(p, 0), left - 6 * unit, y(p));
     }
