@@ -176,6 +176,15 @@ def test_node_plans_the_same(name: str, count: int) -> None:
     check(in_node(planner_data(scene), "motions", asked, SEARCH), expected)
 
 
+def test_a_refusal_names_the_joints_that_are_out_of_limits(rr1_table: rp.Scene) -> None:
+    start, goal = rr1_table.configuration(), rr1_table.configuration()
+    goal[[3, 5]] = 10.0
+    asked: list[Any] = [{"moves": [], "questions": [[start.tolist(), goal.tolist()]]}]
+    [[found]] = in_node(planner_data(rr1_table), "motions", asked, 100)
+    assert found["status"] == "invalid_goal"
+    assert found["reason"] == "the goal is out of limits: rr1/forearm_joint, rr1/hand_joint"
+
+
 def gap_scene(gap: float) -> rp.Scene:
     """A ball that slides through a gap [m] in addition to its diameter."""
     scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (1.0, 1.0), width=0.1))
@@ -348,7 +357,10 @@ def test_arms_move_one_after_the_other_and_give_way(crowd: rp.Scene) -> None:
     blocked = flat.configuration()
     blocked[[names.index(name) for name in crowd.joint_names(["flat0"])]] = [0.0, 0.0]
     questions.append(asked_of(flat, blocked, 0))
-    one, two, none, wrong = in_node(planner_data(crowd), "inTurn", [], questions)
+    beyond = start.copy()
+    beyond[names.index("arm0/hand_joint")] = 10.0
+    questions.append(asked_of(crowd, beyond, 0))
+    one, two, none, wrong, outside = in_node(planner_data(crowd), "inTurn", [], questions)
     arms = list(crowd.arms)
     assert [arms[arm] for arm, _ in one["parts"]] == ["flat1", "flat0"]
     assert [arms[arm] for arm, _ in two["parts"]] == ["arm0", "arm6", "arm9"]
@@ -360,6 +372,7 @@ def test_arms_move_one_after_the_other_and_give_way(crowd: rp.Scene) -> None:
     assert (none["status"], none["parts"], none["certified"]) == ("found", [], True)
     assert wrong["status"] == "invalid_goal"
     assert wrong["reason"].startswith("the goal is in collision: flat0/")
+    assert outside["reason"] == "the goal is out of limits: arm0/hand_joint"
 
 
 def test_many_arms_are_judged_as_by_the_collision_checker(crowd: rp.Scene) -> None:

@@ -388,7 +388,7 @@ class Editing {
       card.say("Planning starts when the planner is loaded.");
       return (await go) ? this.plan() : null;
     }
-    const missing = !planner && !this.isLoading ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (Z)."
+    const missing = !planner && !this.isLoading ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal configuration yet: pose the arm, then set the goal (Z)."
       : this.unchecked(start) || this.unchecked(goal);
     if (missing) { card.say(missing, "open"); return null; }
     const again = asked && asked.start === start && asked.goal === goal && asked.poses === poses;

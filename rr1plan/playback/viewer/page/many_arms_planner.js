@@ -2,7 +2,7 @@
 //
 //   const planner = await ManyArmsPlanner.load(data)    data: from Python's `page_planner`, with the modules
 //   planner.columns  .joints  .obstacles                as of a `PagePlanner`: all joints of the scene
-//   planner.contacts(q)  .isFree(q)  .withinLimits(q)   in the whole scene; contacts by the kernels of the referee
+//   planner.contacts(q)  .isFree(q)  .withinLimits(q)  .outOfLimits(q)   in the whole scene; contacts by the kernels of the referee
 //   planner.clearance(q, most, arms)                    least clearance of some arms (indices; default: all) [m]
 //   planner.obstaclePose(name)  .moveObstacle(name, pose)  .leastClearance(track)  .report(text)
 //   planner.plan(start, goal, {seed, iterations, seconds})    arms whose start and goal differ move
@@ -85,8 +85,12 @@ class ManyArmsPlanner {
   }
 
   withinLimits(q) {
+    return this.outOfLimits(q).length === 0;
+  }
+
+  outOfLimits(q) {
     const whole = this.#checked(q);
-    return this.#kinematics.arms.every((arm, i) => this.#template(i).withinLimits(this.#own(arm, whole)));
+    return this.#kinematics.arms.flatMap((arm, i) => this.#template(i).outOfLimits(this.#own(arm, whole)).map((j) => arm.firstColumn + j));
   }
 
   clearance(q, most = Infinity, arms = this.#kinematics.arms.keys()) {
@@ -171,7 +175,8 @@ class ManyArmsPlanner {
     };
     for (const [name, q] of [["start", from], ["goal", to]]) {
       const touching = this.contacts(q).map(([a, b]) => `${a} and ${b}`).join(", ");
-      const wrong = touching ? `is in collision: ${touching}` : this.withinLimits(q) ? "" : "is out of limits";
+      const outside = this.outOfLimits(q).map((j) => this.joints[j]).join(", ");
+      const wrong = touching ? `is in collision: ${touching}` : outside && `is out of limits: ${outside}`;
       if (wrong) return Object.assign(answer, { status: `invalid_${name}`, reason: `the ${name} ${wrong}` });
     }
     const now = from.slice();

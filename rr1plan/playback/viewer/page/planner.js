@@ -10,7 +10,7 @@
 //   planner.contacts(q)                             [[element, element], ...] of all pairs in contact
 //   planner.clearance(q, most)                      least distance of moving pairs beyond their padding [m], `most` at most
 //   planner.clearances(qs)                          that of each configuration, of a planner for all arms together
-//   planner.withinLimits(q)
+//   planner.withinLimits(q)  .outOfLimits(q)        the indices in `joints` of those out of limits
 //   planner.inverseKinematics(frame, target, q)     a configuration that brings a frame ("arm" or "arm/link") to a target,
 //                                                   near q, or null; target: [x, y, z], or 16 numbers, column-major
 //   planner.rates                                   limits of the columns: {velocity, acceleration}
@@ -173,9 +173,12 @@ class PagePlanner {
   }
 
   withinLimits(q) {
-    const { lower, upper } = this.#memory;
-    const [low, high] = [lower.values, upper.values];
-    return this.#checked(q).every((value, j) => low[j] <= value && value <= high[j]);
+    return this.outOfLimits(q).length === 0;
+  }
+
+  outOfLimits(q) {
+    const { lower, upper } = this.#memory, [low, high] = [lower.values, upper.values], plain = this.#checked(q);
+    return [...plain.keys()].filter((j) => !(low[j] <= plain[j] && plain[j] <= high[j]));
   }
 
   obstaclePose(name) {
@@ -440,7 +443,8 @@ class PagePlanner {
   #refuse(start, goal, answer) {
     for (const [name, q] of [["start", start], ["goal", goal]]) {
       const status = `invalid_${name}`;
-      if (!this.withinLimits(q)) return this.#fail(answer, status, `the ${name} is out of limits`);
+      const outside = this.outOfLimits(q).map((j) => this.joints[j]).join(", ");
+      if (outside) return this.#fail(answer, status, `the ${name} is out of limits: ${outside}`);
       if (this.isFree(q)) continue;
       const pairs = this.contacts(q).map(([a, b]) => `${a} and ${b}`).join(", ");
       return this.#fail(answer, status, `the ${name} is in collision: ${pairs || "too near to prove it free"}`);
