@@ -708,6 +708,15 @@ def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm:
         calm.ask("RR1.plots.toggle()")
 
 
+def test_the_buttons_of_edits_are_in_one_row_at_200_percent_zoom(calm: Any) -> None:
+    calm.resize(640, 360)
+    calm.page.keyboard.press("m")
+    frames(calm)
+    tops = calm.ask("Array.from(document.querySelectorAll('#acts .act'), (act) => act.offsetTop)")
+    assert len(tops) == 6
+    assert len(set(tops)) == 1
+
+
 def test_plots_that_editing_hides_in_the_same_frame_take_no_room_on_phones(calm: Any) -> None:
     calm.resize(844, 390)
     calm.ask("RR1.editing.isOpen && RR1.editing.toggle()")
