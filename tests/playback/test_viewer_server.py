@@ -290,6 +290,13 @@ def test_a_mapping_moves_some_arms_only(viewer: Viewer, rr1_table: rp.Scene) -> 
     np.testing.assert_array_equal(np.frombuffer(frame, "<f8"), rr1_table.arms[arm].robot.home)
 
 
+def test_an_empty_mapping_changes_nothing_in_a_scene_without_arms() -> None:
+    with show(rp.Scene(name="bare"), options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        viewer.update({})
+        (frame,) = asyncio.run(listen(viewer, 1))
+    assert len(frame) == 0
+
+
 def test_a_notebook_holds_the_whole_page(viewer: Viewer) -> None:
     text = viewer._repr_html_()
     assert text.startswith("<iframe srcdoc=")

@@ -159,7 +159,8 @@ class Viewer:
             configurations = {
                 n: self._scene.arm(n).robot.configuration(v, f"configuration of {n!r}") for n, v in q.items()
             }
-            q = np.concatenate([configurations.get(name, arm.q) for name, arm in self._scene.arms.items()])
+            parts = (configurations.get(name, arm.q) for name, arm in self._scene.arms.items())
+            q = np.concatenate([np.zeros(0), *parts])
         values = finite_array("q", q, (len(self._document["columns"]),))
         self._page.set_frame(values.astype("<f8").tobytes())
 
