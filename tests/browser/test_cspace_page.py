@@ -592,3 +592,22 @@ def test_of_names_that_overlap_the_first_one_is_shown(tab: Any, tmp_path: FilePa
     tab.next_frames()
     assert tab.ask(names) == ["one"]
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize("kinds", ["PP", "RP"])
+def test_the_ends_of_sliding_joints_are_in_the_picture(tab: Any, kinds: str, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm(kinds, (0.8, 0.6)))
+    scene = scene.with_obstacle("disc", rp.Cylinder(0.05, 0.1), (-1.0, -1.0, 0.0))
+    tab.open(rp.cspace(scene, resolution=40).save_html(tmp_path / "page.html"))
+    drag = """([k, end]) => {
+        const slider = document.getElementById(`cspace-${k}`);
+        slider.value = slider[end];
+        slider.dispatchEvent(new Event("input", { bubbles: true }));
+        const state = document.querySelector("#panel-cspace .state");
+        return [slider.parentElement.querySelector("output").textContent, state.textContent];
+    }"""
+    ends = {"min": "0.0 mm", "max": "600.0 mm"}
+    assert {end: tab.ask(drag, [1, end]) for end in ends} == {end: [text, "free"] for end, text in ends.items()}
+    if kinds == "PP":
+        assert tab.ask(drag, [0, "max"]) == ["800.0 mm", "free"]
+    assert tab.complaints == []

@@ -379,6 +379,24 @@ def test_names_of_joints_have_room_beside_their_values_in_a_small_window(page: t
     assert found == []
 
 
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_sliders_reach_the_limits_of_joints_and_stay_inside(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    go_to(tab, "slices")
+    drag = """([k, end]) => {
+        const slider = document.getElementById(`slices-${k}`);
+        slider.value = slider[end];
+        slider.dispatchEvent(new Event("input", { bubbles: true }));
+        return [RR1.q[k], document.querySelector("#panel-slices .verdict").textContent];
+    }"""
+    limits = lesson.scene.limits()
+    for k, (low, high) in enumerate(zip(limits.lower, limits.upper, strict=True)):
+        for end, limit in (("min", low), ("max", high)):
+            value, said = tab.ask(drag, [k, end])
+            assert value == pytest.approx(limit, abs=1e-9), (k, end)
+            assert "outside the joint limits" not in said, (k, end)
+
+
 def test_six_joints_may_slide_and_be_blocked_most_of_the_time(tab: Any, tmp_path: Path) -> None:
     tab.open(rp.lesson("six_joints", lift_scene(tmp_path)).save_html(tmp_path / "page.html"), READY)
     wait_until(tab.page, "Boolean(RR1.planner)")

@@ -67,10 +67,11 @@ class SixJoints {
     this.sliders = data.all.joints.map(({ name, straight }, k) => {
       const row = document.createElement("div"), label = document.createElement("label"), slider = document.createElement("input"), out = document.createElement("output");
       const low = data.all.low[k], high = data.all.high[k];
-      Object.assign(slider, { type: "range", min: low, max: high, step: straight ? (high - low) / 500 : Math.PI / 360, id: `slices-${k}` });
+      Object.assign(slider, { type: "range", min: low, max: high, step: stepOf(low, high, straight), id: `slices-${k}` });
       label.htmlFor = slider.id;
       label.textContent = `${k + 1} ${name}`;
-      slider.oninput = () => { const q = this.q(); q[k] = Number(slider.value); this.pose(q); };
+      // Browsers round the value of a slider, at its ends to outside of the limits.
+      slider.oninput = () => { const q = this.q(); q[k] = clamp(Number(slider.value), low, high); this.pose(q); };
       row.append(label, out, slider);
       return { row, slider, out, text: straight ? (v) => readingOf(data.arm[k], v) : degrees };
     });

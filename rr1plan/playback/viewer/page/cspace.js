@@ -225,7 +225,7 @@ class Lesson {
   fillSliders() {
     const add = (box, k, low, high, { name, straight }, mark, move) => {
       const row = element("div"), label = element("label"), slider = element("input"), out = element("output");
-      Object.assign(slider, { type: "range", min: low, max: high, step: straight ? 10 ** (Math.ceil(Math.log10(high - low || 1)) - 3) : Math.PI / 360, id: `cspace-${k}` });
+      Object.assign(slider, { type: "range", min: low, max: high, step: stepOf(low, high, straight), id: `cspace-${k}` });
       label.htmlFor = slider.id;
       label.append(element("b", mark), ` ${name}`);
       slider.oninput = () => move(Number(slider.value));

@@ -64,10 +64,8 @@ class Cells {
 
   /** The cell at a position, or -1 outside the picture. */
   at(u, v) {
-    let i = Math.floor(u * this.n), j = Math.floor(v * this.m);
-    if (data.periodic[0]) i = modulo(i, this.n);
-    if (data.periodic[1]) j = modulo(j, this.m);
-    return i >= 0 && j >= 0 && i < this.n && j < this.m ? i * this.m + j : -1;
+    const i = cellOn(0, u, this.n), j = cellOn(1, v, this.m);
+    return i < 0 || j < 0 ? -1 : i * this.m + j;
   }
 
   /** The layers that block a point: {free, edge, outside, layers}; edge: a neighboring cell differs. */
@@ -223,6 +221,19 @@ function wrappedCopies(points) {
 /** Value of a joint as a share of its axis, and back. */
 const share = (axis, value) => (value - data.low[axis]) / (data.high[axis] - data.low[axis]);
 const value = (axis, part) => data.low[axis] + part * (data.high[axis] - data.low[axis]);
+
+/** The step of a joint's slider: about half a degree or a round length. It divides the range, less what browsers round. */
+function stepOf(low, high, straight) {
+  const range = high - low || 1, step = straight ? 10 ** (Math.ceil(Math.log10(range)) - 3) : Math.PI / 360;
+  return (range / Math.max(Math.round(range / step), 1)) * (1 - 1e-12);
+}
+
+/** The index of the cell at a share of an axis with `size` cells, or -1 outside; both ends are inside, up to rounding. */
+function cellOn(axis, part, size) {
+  const k = Math.floor(part * size);
+  if (data.periodic[axis]) return modulo(k, size);
+  return Math.abs(part - 0.5) < 0.5 + 1e-9 ? Math.min(Math.max(k, 0), size - 1) : -1;
+}
 
 /** A joint's value wrapped into the picture if its axis is periodic. */
 function wrapped(axis, angle) {

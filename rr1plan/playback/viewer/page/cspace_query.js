@@ -61,11 +61,8 @@ class LiveQuery {
   }
 
   cell(q) {
-    const at = [0, 1].map((axis) => {
-      const size = data.size[axis], k = Math.floor(share(axis, q[axis]) * size);
-      return data.periodic[axis] ? modulo(k, size) : k < 0 || k >= size ? NaN : k;
-    });
-    return at.every(Number.isFinite) ? at[0] * data.size[1] + at[1] : -1;
+    const [i, j] = [0, 1].map((axis) => cellOn(axis, share(axis, q[axis]), data.size[axis]));
+    return i < 0 || j < 0 ? -1 : i * data.size[1] + j;
   }
 
   components() {
