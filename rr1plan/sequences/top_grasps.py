@@ -203,7 +203,7 @@ def _minimum(value: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _middle_of_sides(thing: Obstacle, angle: float) -> float:
-    """Coordinate along y, in axes turned by an angle, of the middle of what two opposite sides of an object share.
+    """The y coordinate of the middle of the overlap of two opposite sides of an object, in axes turned by an angle.
 
     The sides are those with the least and the largest x. After a small rotation of the axes, one end of each is
     farthest out.
