@@ -113,6 +113,17 @@ class Tab:
             key,
         )
 
+    def record_texts(self) -> None:
+        """Collect the texts that the page opened next draws on its canvases, in the page's variable `texts`."""
+        self.page.add_init_script("""
+            const usual = CanvasRenderingContext2D.prototype.fillText;
+            window.texts = [];
+            CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
+                window.texts.push(text);
+                usual.call(this, text, ...more);
+            };
+        """)
+
     def next_frames(self) -> None:
         """Wait for the next frames."""
         frames = self.ask("RR1.frames")

@@ -347,14 +347,7 @@ def test_the_phase_plane_appears_once_the_planner_is_loaded(tab: Any, tmp_path: 
     scene = rp.Scene(name="PR").with_arm("arm", rp.planar_arm("PR"))
     motion = rp.retime(rp.Path(scene.joint_names(), [[0.1, 0.5], [0.3, -0.5]]), scene)
     file = rp.cspace(scene, resolution=40).save_html(tmp_path / "phase.html", trajectory=motion)
-    tab.page.add_init_script("""
-        const usual = CanvasRenderingContext2D.prototype.fillText;
-        window.texts = [];
-        CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
-            window.texts.push(text);
-            usual.call(this, text, ...rest);
-        };
-    """)
+    tab.record_texts()
     tab.open(file, READY)
     # As if the button was pressed before.
     tab.ask("RR1.planner = null, RR1.lesson.tools.phase.click()")

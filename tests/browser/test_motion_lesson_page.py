@@ -189,14 +189,7 @@ def test_sliding_joints_move_by_meters(tab: Any, tmp_path: Path, kinds: str) -> 
     arm = rp.planar_arm(kinds, (0.6, 0.8), limits=((0.0, 1.5), (0.1, 0.8)))
     scene = rp.Scene(name="gantry").with_arm("arm", arm, q=(0.2, 0.2))
     problem = rp.Problem(scene, [0.2, 0.2], rp.JointGoal([1.4, 0.3]))
-    tab.page.add_init_script("""
-        const usual = CanvasRenderingContext2D.prototype.fillText;
-        window.texts = [];
-        CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
-            window.texts.push(text);
-            usual.call(this, text, ...more);
-        };
-    """)
+    tab.record_texts()
     tab.open(rp.lesson("motion", scene, problem).save_html(tmp_path / "sliding.html"))
     texts = {}
     for mode in ("path", "shortcut", "blend", "plane", "phases", "cost"):

@@ -466,14 +466,7 @@ def test_a_motion_without_duration_has_one_instant_on_its_axis(
     tab: Any, rr1_table: rp.Scene, tmp_path: FilePath
 ) -> None:
     rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
-    tab.page.add_init_script(
-        """window.texts = [];
-        const usual = CanvasRenderingContext2D.prototype.fillText;
-        CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
-            window.texts.push(text);
-            return usual.call(this, text, ...more);
-        };"""
-    )
+    tab.record_texts()
     tab.open(rp.save_html(tmp_path / "rest.html", rr1_table, trajectory=rest))
     tab.ask("RR1.plots.toggle()")
     tab.next_frames()
