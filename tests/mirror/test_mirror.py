@@ -556,7 +556,7 @@ def test_ctrl_c_does_not_end_a_stream_that_waits_for_a_message(scene: rp.Scene) 
     line = json.dumps({"time": 0.0, "name": scene.joint_names(), "position": scene.configuration().tolist()})
     with (
         rp.read_states(f"udp://127.0.0.1:{port}", silence=0.2) as stream,
-        rp.Mirror(scene, on_event=lambda event: interrupting.start()) as mirror,
+        rp.Mirror(scene, on_event=lambda event: interrupting.ident or interrupting.start()) as mirror,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
     ):
         assert mirror.run(stream).messages == 0
