@@ -71,11 +71,11 @@ class _TelemetryStates(Iterator[StateMessage | StreamError]):
         self._stream = TelemetryStream()
         self._frames: Iterator[Telemetry] = iter(())
         self._time = 0.0  # of the latest message
-        self._silent_since = self._left = time.monotonic()
+        self._silent_since = self._returned = time.monotonic()
 
     def __next__(self) -> StateMessage | StreamError:
         # Time spent by the receiver of an item does not count as silence.
-        self._silent_since += time.monotonic() - self._left
+        self._silent_since += time.monotonic() - self._returned
         try:
             while not self._closed.is_set():
                 item = self._next_item()
@@ -84,7 +84,7 @@ class _TelemetryStates(Iterator[StateMessage | StreamError]):
                 self._frames = self._stream.feed(read_bytes(self._port))
             raise StopIteration
         finally:
-            self._left = time.monotonic()
+            self._returned = time.monotonic()
 
     def _next_item(self) -> StateMessage | StreamError | None:
         """The next item of the bytes so far; None if there is none."""
