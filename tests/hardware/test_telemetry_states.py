@@ -87,9 +87,9 @@ def test_a_slow_receiver_of_an_error_is_no_silence(line: Line, calibration: rp.C
     parts = [data[:111], b"\xff" * 111, b"", data[111:]]
     port = line(read=lambda self, size: parts.pop(0))
     kinds = []
-    for item in islice(rp.read_telemetry(port, calibration, box, silence=0.1), 3):
+    for item in islice(rp.read_telemetry(port, calibration, box, silence=0.3), 3):
         kinds.append(item.fault if isinstance(item, rp.StreamError) else "good")
-        time.sleep(0.2)
+        time.sleep(0.5)
     assert kinds == ["good", "format", "good"]
 
 
