@@ -237,8 +237,6 @@ def assembled(*parts: tuple[rp.Shape, list[float]]) -> list[rp.Geometry]:
 
 MUG = assembled((rp.Cylinder(0.025, 0.08), [0.0, 0.0, 0.0]), (rp.Box((0.03, 0.01, 0.04)), [0.035, 0.0, 0.0]))
 ANGLE = assembled((rp.Box((0.06, 0.02, 0.08)), [0.0, 0.0, 0.0]), (rp.Box((0.02, 0.06, 0.08)), [0.02, 0.02, 0.0]))
-
-
 WEDGE = list(rp.polygon_prism([(0.03, 0), (-0.015, 0.026), (-0.015, -0.026)], 0.08))
 
 
