@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--boats", type=int, nargs="+", default=(10, 20, 50, 100, 200, 500), help="boats in the tower")
     parser.add_argument("--solvers", nargs="+", default=("newton", "cg"), help="solvers of the simulation")
     parser.add_argument("--threads", type=int, nargs="+", default=(1,), help="threads of the simulation")
-    parser.add_argument("--dt", type=float, default=0.004, help="time step [s]")
+    parser.add_argument("--dt", type=float, default=0.008, help="time step [s]")
     parser.add_argument("--seconds", type=float, default=6.0, help="simulated time of a measurement")
     args = parser.parse_args(argv)
     common = {"dt": args.dt, "seconds": args.seconds, "seed": args.seed}

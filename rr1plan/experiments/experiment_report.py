@@ -71,7 +71,7 @@ _SECTIONS = {
     "dynamic": _Section(
         "Falling tower",
         "Loose boats of 1 kg, each a hull of 256 triangles, stacked in columns and slightly tilted, fall into"
-        ' a heap; steps of 4 ms, `Simulation(solver="cg")`, one thread. Penetrations are the deepest of any '
+        ' a heap; steps of 8 ms, `Simulation(solver="cg")`, one thread. Penetrations are the deepest of any '
         "contact; the lowest point is that of all boats when the window ends, the floor is at 0. The thesis: "
         "Gazebo, Table 6.5, where 1 is the maximum.",
         {

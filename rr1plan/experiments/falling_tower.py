@@ -25,7 +25,7 @@ _TILT = 0.1  # [rad]
 
 
 def measure_tower(
-    boats: int, *, seed: int = 0, dt: float = 0.004, seconds: float = 6.0, solver: Solver = "cg", threads: int = 1
+    boats: int, *, seed: int = 0, dt: float = 0.008, seconds: float = 6.0, solver: Solver = "cg", threads: int = 1
 ) -> list[dict[str, float]]:
     """Simulate boats of 1 kg and 256 triangles, stacked in columns and slightly tilted.
 

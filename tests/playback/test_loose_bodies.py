@@ -81,6 +81,17 @@ def test_contacts_are_harder_in_shorter_steps() -> None:
         assert sim.max_penetration < 0.005
 
 
+def test_contacts_in_long_steps_are_as_hard_as_mujoco_allows() -> None:
+    """Boxes from 1.0 to 1.2 m in steps of 8 ms penetrate by 17 mm on average; in softer contacts by 27."""
+    depths = []
+    for height in np.linspace(1.0, 1.2, 15).tolist():
+        sim = rp.Simulation(FLOOR.with_obstacle("body", rp.Box((0.2, 0.2, 0.2)), [0.0, 0.0, height], mass=1.0), 0.008)
+        sim.run(duration=1.5)
+        assert sim.body_pose("body")[2, 3] == pytest.approx(0.1, abs=1e-3)
+        depths.append(sim.max_penetration)
+    assert np.mean(depths) < 0.02
+
+
 def test_a_fast_body_that_meets_nothing_is_not_named() -> None:
     sim = rp.Simulation(PLATE.with_obstacles({"ball": rp.Obstacle([rp.Geometry("b", rp.Sphere(0.01))], mass=0.1)}))
     sim.place_body("ball", [0.0, 0.0, 0.5], [20.0, 0.0, 0.0, 0.0, 0.0, 30.0])

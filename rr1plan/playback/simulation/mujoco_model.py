@@ -47,8 +47,8 @@ _POSITION_VELOCITY_FEEDFORWARD = 7
 # Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
 _OTHER_FRICTION = (0.005, 0.0001)
 # Time constant of contacts of loose bodies: at most 8 ms and four steps, so that shorter steps give harder contacts,
-# and at least three steps; MuJoCo needs two.
-_CONTACT_TIME, _MOST_CONTACT_STEPS, _LEAST_CONTACT_STEPS = 0.008, 4.0, 3.0
+# and at least two steps, which MuJoCo needs.
+_CONTACT_TIME, _MOST_CONTACT_STEPS, _LEAST_CONTACT_STEPS = 0.008, 4.0, 2.0
 # Memory of MuJoCo's stack and contacts [bytes]: minimum; per degree of freedom (packed arms with a hundred contacts
 # each need 4e4); and per pair of degrees of freedom.
 _LEAST_MEMORY, _CONTACT_MEMORY, _PAIR_MEMORY = 2e7, 1e5, 4.0
