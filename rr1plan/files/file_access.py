@@ -85,17 +85,22 @@ def is_regular(path: Path) -> bool:
         return False
 
 
-def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
+def read_text(file: str | Path, max_bytes: int = MAX_BYTES, *, strict: bool = True) -> str:
     """A UTF-8 file's text without a byte order mark, which spreadsheets and editors may write; see `read_bytes`.
 
+    Args:
+        file: The file.
+        max_bytes: Largest size, as of `read_bytes`.
+        strict: Whether to refuse bytes that are not UTF-8; otherwise they become replacement characters.
+
     Raises:
-        FormatError: as `read_bytes`, or not UTF-8.
+        FormatError: as `read_bytes`, UTF-16, or not UTF-8.
     """
     data = read_bytes(file, max_bytes)
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise FormatError("is UTF-16, not UTF-8 text: save it as UTF-8 (in PowerShell, Out-File -Encoding utf8)", file)
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig", "strict" if strict else "replace")
     except UnicodeDecodeError as error:
         raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
 

@@ -37,6 +37,7 @@ from rr1plan.thread_locks import exclusive, per_process
 
 StreamFault = Literal["format", "joints", "finite", "order", "restart", "clock", "jump", "silence"]
 _LARGEST_DATAGRAM = 65_536
+_LARGEST_RECORDING = 2**30  # of a file of lines [bytes]: an hour of an arm at 1 kHz
 # Requested memory for datagrams that arrive while the receiver is busy, seconds of an arm at 1 kHz; systems grant less.
 _WAITING_DATAGRAMS = 4_194_304
 # Largest time of a message [s], 3000 years: rounding of larger ones would stop the clock of a mirror.
@@ -153,7 +154,8 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
         messages = read_joint_states(path, topic=topic)
         return StateStream(_with_silence((_of_bag(*fields) for fields in messages), silence), messages.close)
     refuse_topic(path, topic)
-    lines = [line for line in read_text(path).splitlines() if line.strip()]
+    text = read_text(path, _LARGEST_RECORDING, strict=False)
+    lines = [line for line in text.splitlines() if line.strip()]
     return StateStream(_with_silence(map(parse_state, lines), silence), lambda: None)
 
 

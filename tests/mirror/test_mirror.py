@@ -694,6 +694,13 @@ def test_damaged_lines_are_named_and_others_are_read(tmp_path: Path) -> None:
     assert "expected (2,)" in errors[3]
 
 
+def test_bytes_that_are_not_text_damage_their_line_only(tmp_path: Path) -> None:
+    good = json.dumps({"time": 1.0, "name": ["a"], "position": [0.0]}).encode()
+    (tmp_path / "s.jsonl").write_bytes(b"\n".join([good, good[:30] + b"\xff\xfe", good]))
+    found = list(rp.read_states(tmp_path / "s.jsonl"))
+    assert [isinstance(item, rp.StateMessage) for item in found] == [True, False, True]
+
+
 def test_sources_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     for source, words in {
         "tcp://127.0.0.1:9000": "expected udp://HOST:PORT",
