@@ -67,10 +67,14 @@ def pick_and_place(
 
     Raises:
         UnknownNameError: no such object or arm.
-        InputError: as for `top_grasps`; or an invalid place; or all places are inside of supports.
+        InputError: as for `top_grasps`; or an arm holds the object; or an invalid place; or all places are inside of
+            supports.
     """
     of_kind("scene", scene, Scene)
     check_text("obstacle", obstacle)
+    if obstacle in scene.attachments:
+        held = scene.attachments[obstacle]
+        raise InputError(f"{obstacle!r} is held by {held.arm!r} at the start, so it cannot be picked: detach it first")
     thing = scene.obstacles[known_name("obstacle", obstacle, scene.obstacles)]
     arm = scene.only_arm(arm)
     robot = scene.arms[arm].robot

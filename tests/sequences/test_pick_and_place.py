@@ -194,6 +194,12 @@ def test_bad_arguments(table: rp.Scene, arguments: dict, message: str) -> None:
 
 
 @pytest.mark.usefixtures("foreign_robots")
+def test_a_held_object_is_not_picked(table: rp.Scene) -> None:
+    held = table.with_obstacle_at("block", table.link_poses()["arm/tool"]).attach("block", "arm")
+    with pytest.raises(rp.InputError, match="'block' is held by 'arm' at the start, so it cannot be picked: detach"):
+        rp.pick_and_place(held, "block", [-0.28, -0.12, 0.03])
+
+
 def test_a_ball_is_grasped_and_held_at_its_middle(table: rp.Scene) -> None:
     scene = standing(table, rp.Sphere(0.02), 0.04)
     heights = {round(goal.position[2], 9) for goal in rp.top_grasps(scene, "block", yaws=3)}
