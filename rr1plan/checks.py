@@ -78,8 +78,13 @@ def _rest(value: Sized, most: int) -> str:
     return f", ... {len(value)} in all" if len(value) > most else ""
 
 
-def number_array(name: str, value: object) -> Array:
+def number_array(name: str, value: object, expected: str = "an array of numbers") -> Array:
     """A new C-ordered float64 array of `value`, of any shape, possibly with infinities and NaN.
+
+    Args:
+        name: Name of the value, for messages.
+        value: Anything that NumPy can convert to numbers.
+        expected: What it should be, for messages.
 
     Raises:
         InputError: not numbers.
@@ -91,7 +96,7 @@ def number_array(name: str, value: object) -> Array:
     except (TypeError, ValueError, OverflowError, Warning) as error:
         is_name = name == "q" and isinstance(value, str)
         advice = "; robot.configuration(name) has the numbers of a named one" if is_name else ""
-        raise InputError(f"{name} is not an array of numbers: {shown(value)}{advice}") from error
+        raise InputError(f"{name} is not {expected}: {shown(value)}{advice}") from error
     return array
 
 
@@ -114,7 +119,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     Raises:
         InputError: not numbers, wrong shape, NaN or infinite.
     """
-    array = number_array(name, value)
+    array = number_array(name, value, "an array of numbers" if shape else "a number")
     if array.ndim != len(shape) or any(
         want is not None and got != want for got, want in zip(array.shape, shape, strict=True)
     ):

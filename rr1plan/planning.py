@@ -60,7 +60,7 @@ class Budget:
     iterations: int | None = None
 
     def __post_init__(self) -> None:
-        seconds = number_array("seconds of the budget", self.seconds)
+        seconds = number_array("seconds of the budget", self.seconds, "a number")
         if seconds.ndim or not seconds > 0.0:
             raise InputError(f"seconds of the budget is {shown(self.seconds)}, expected a number above zero")
         object.__setattr__(self, "seconds", float(seconds))

@@ -94,7 +94,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         rp.InputError,
         "expected a whole number",
     ),
-    "budget_duration": (lambda s: rp.Budget(np.timedelta64(1, "s")), rp.InputError, "not an array of numbers"),
+    "budget_duration": (lambda s: rp.Budget(np.timedelta64(1, "s")), rp.InputError, "budget is not a number"),
     "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "iterations of the budget is 1.5"),
     "budget_true": (lambda s: rp.Budget(1, True), rp.InputError, "iterations of the budget is True"),
     "budget_number": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), budget=5), rp.InputError, "expected a Budget"),

@@ -101,7 +101,7 @@ class JointCalibration:
 
 
 def _deviation(name: str, value: object) -> float:
-    number = number_array(name, value)
+    number = number_array(name, value, "a number")
     if number.shape != () or not number >= 0.0:
         raise InputError(f"{name} is {shown(value)}, expected a number >= 0 (inf: unknown)")
     return float(number)

@@ -57,7 +57,7 @@ def test_negative_scales_are_negative_signs(planar2r: rp.Robot) -> None:
         "sign": ("sign = -1", "sign = 0", "joints.elbow_joint: sign is 0, expected 1 or -1"),
         "half a sign": ("sign = -1", "sign = 0.5", "joints.elbow_joint: sign is 0, expected 1 or -1"),
         "scale": ("scale = 800.0", "scale = -800.0", "shoulder_joint: scale is -800.0, expected a number above zero"),
-        "std": ("zero_std = 0.001", 'zero_std = "small"', "zero_std is not an array of numbers: 'small'"),
+        "std": ("zero_std = 0.001", 'zero_std = "small"', "zero_std is not a number: 'small'"),
         "nan": ("zero = 0.1", "zero = nan", "elbow_joint.zero: expected a finite number, got nan"),
         "key": ("zero = 0.1", "zeroo = 0.1", "has no 'zero', which is required"),
     }.values(),

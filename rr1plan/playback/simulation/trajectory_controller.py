@@ -344,7 +344,7 @@ class JointTrajectoryController(Controller):
 
 def _tolerance(name: str, value: object) -> float:
     """`value` as a float of zero or more, possibly inf."""
-    number = number_array(name, value)
+    number = number_array(name, value, "a number")
     if number.ndim or not number >= 0.0:
         raise InputError(f"{name} is {shown(value)}, expected a number >= 0")
     return float(number)
