@@ -98,7 +98,7 @@ def calibrate(
         values have a standard deviation of inf; as few of them as possible are fixed at those of `start`.
 
     Raises:
-        InputError: arguments of wrong shapes or types, a start in other units, fewer measurements than unknowns, poses
+        InputError: arguments of wrong shapes or types, a start in other units, too few different measurements, poses
             that determine no joint, or no signs, zeros and scales near the start that explain the measurements.
     """
     start = _checked_start(robot, start)
@@ -119,6 +119,7 @@ def calibrate(
             f"{1e3 * off:.0f} mm off; check units, the point of the tool, and the scales and zeros of start"
         )
     estimate = _without_outliers(data, _hold_undetermined(data, begin, found, mirrored, noise), noise)
+    _check_repetitions(data, estimate)
     residuals = data.residuals(estimate.parameters)[estimate.kept]
     noise = math.sqrt(float((residuals**2).sum()) / (residuals.size - int(estimate.free.sum())))
     source = f"estimated from {counted(len(residuals), 'measured position')}"
@@ -165,6 +166,7 @@ def expected_calibration(
     begin = data.begin(free_base=free_base)
     mirrored = _nearest_signs(data, begin, begin, noise)[1]
     estimate = _hold_undetermined(data, begin, begin, mirrored, noise)
+    _check_repetitions(data, estimate)
     source = f"expected from {counted(len(readings), 'position')}, noise {1e3 * noise:g} mm per coordinate"
     return replace(_result(robot, start, data, estimate, noise, source), fit=None)
 
@@ -223,6 +225,17 @@ class _Estimate:
     undetermined: NDArray[np.bool_]
     mirrored: NDArray[np.bool_]
     kept: NDArray[np.bool_]
+
+
+def _check_repetitions(data: MeasuredPoints, estimate: _Estimate) -> None:
+    """Reject an estimate from too few different measurements, which wrong values fit as well as right ones."""
+    different = len(np.unique(np.hstack([data.turns, data.points])[estimate.kept], axis=0))
+    unknowns = int(estimate.free.sum())
+    if 3 * different <= unknowns:
+        raise InputError(
+            f"{counted(different, 'different measurement')} have {3 * different} coordinates for {unknowns} unknowns; "
+            "measure more poses, because repetitions in the same one do not count"
+        )
 
 
 def _fitted(

@@ -168,6 +168,16 @@ def test_poses_that_determine_no_joint_are_refused(name: str) -> None:
         rp.calibrate(robot, readings, np.tile(position, (20, 1)))
 
 
+def test_repeated_measurements_do_not_replace_poses(rr1: rp.Robot) -> None:
+    """Four poses have as many coordinates as there are unknowns, so that wrong values fit exactly."""
+    arm = bench(rr1, 9, poses=4)
+    readings, positions = (np.repeat(rows, 5, axis=0) for rows in (arm.readings(), arm.positions()))
+    with pytest.raises(rp.InputError, match="4 different measurements have 12 coordinates for 12 unknowns"):
+        rp.calibrate(rr1, readings, positions, start=arm.start(), point=POINT)
+    with pytest.raises(rp.InputError, match="4 different measurements have 12 coordinates"):
+        rp.expected_calibration(rr1, np.repeat(arm.q, 5, axis=0), start=arm.start(), point=POINT)
+
+
 @pytest.mark.parametrize("free_base", [False, True])
 def test_the_accuracy_of_poses_is_computed_before_they_are_measured(rr1: rp.Robot, free_base: bool) -> None:
     arm = bench(rr1, 10)
