@@ -26,7 +26,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.sequences.sequence_files import with_planned_grippers
 from rr1plan.sequences.sequence_plan import SequencePlan
-from rr1plan.sequences.sequence_replay import SequenceReplay
+from rr1plan.sequences.sequence_replay import NEAR, SequenceReplay
 from rr1plan.sequences.simulate_sequence import simulate_sequence
 from rr1plan.sequences.stage_validation import validate_stages
 from rr1plan.testing.replay_variations import ReplayVariations, VariedReplays
@@ -160,9 +160,11 @@ def _replayed_sequence(plan: SequencePlan, tolerance: float, dt: float) -> Seque
     """The replay of a sequence, provided that arms and objects follow it."""
     __tracebackhide__ = True
     replay = simulate_sequence(plan, dt=dt, hold=_SETTLE)
-    away = [f"{one.name} is {1e3 * one.max_offset:.3g} mm from its plan" for one in replay.objects.values()]
     wrong = [f"{' and '.join(contact.pair)} touch at {contact.first:.3f} s" for contact in replay.contacts]
-    wrong += [] if replay.carried else away
+    for one in replay.objects.values():
+        if one.max_offset > NEAR:
+            lost = replay.replay.record.times[int(np.argmax(one.offsets > NEAR))]
+            wrong.append(f"{one.name} is {1e3 * one.max_offset:.3g} mm from its plan, lost at {lost:.2f} s")
     if replay.max_error > tolerance:
         wrong.append(_late(replay.replay, replay.arm_joints, tolerance))
     if wrong:

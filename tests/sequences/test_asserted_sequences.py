@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +31,18 @@ def test_an_object_that_is_not_held_is_named(moved: rp.SequencePlan) -> None:
     slippery = replace(moved.scene, obstacles={**moved.scene.obstacles, "block": replace(block, friction=0.01)})
     with pytest.raises(AssertionError, match=r"the replay failed: .*block is \d+ mm from its plan"):
         rp.assert_replays(replace(moved, scene=slippery))
+
+
+def test_only_objects_that_are_lost_are_named(table: rp.Scene) -> None:
+    """A second block is let go in mid-air, the first one stays where it was put down."""
+    table = table.with_obstacle("cup", rp.Box((0.04, 0.04, 0.06)), [-0.2, 0.2, 0.03], mass=0.1)
+    segments = [*rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03])]
+    segments += rp.pick_and_place(table, "cup", [-0.2, -0.2, 0.13])
+    plan = rp.plan_sequence(rp.Sequence(table, segments), rng=0, budget=rp.Budget(seconds=100.0))
+    with pytest.raises(AssertionError) as failure:
+        rp.assert_replays(plan)
+    first = str(failure.value).splitlines()[0]
+    assert re.fullmatch(r"the replay failed: cup is 1\d\d mm from its plan, lost at \d+\.\d\d s", first)
 
 
 def test_what_a_sequence_does_not_take_is_refused(moved: rp.SequencePlan, table: rp.Scene) -> None:
