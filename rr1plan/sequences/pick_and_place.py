@@ -56,7 +56,8 @@ def pick_and_place(
         scene: The scene at the beginning, with the object at its pose at that time.
         obstacle: The object.
         place: Target: a position [m], shape (3,), in the current orientation rotated by any of eight angles about the
-            vertical; a pose T_world_object, shape (4, 4); or goals whose frame is the object.
+            vertical; a pose T_world_object, shape (4, 4); or goals whose frame is the object. Whether something
+            supports the object there is not checked; `simulate_sequence` shows whether it falls.
         arm: The arm (default: the only one).
         grasps: Poses of the tool at the object (default: `top_grasps`).
         supports: Objects on which the object stands before and after, and which it may touch while it is lifted and
