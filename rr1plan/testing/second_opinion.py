@@ -14,6 +14,7 @@ from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.scene import Scene
+from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.testing.collision_checkers import ElementChecker, ElementPair, MujocoChecker
 from rr1plan.trajectory import Trajectory
 
@@ -144,7 +145,8 @@ def second_opinion(
 
     Args:
         motion: The motion; arms without columns rest at their configurations in the scene. The "times" of a path are
-            indices of its waypoints.
+            indices of its waypoints. In a sequence the scene changes, so that each stage is a motion (see
+            `SequencePlan.scenes`).
         scene: The scene of the motion.
         step: No point of a robot moves farther than this between two samples [m].
         checkers: The checkers, of "FCL", "Coal" and "MuJoCo".
@@ -160,6 +162,11 @@ def second_opinion(
         BackendError: MuJoCo does not accept the scene.
         CancelledError: `progress` returned False.
     """
+    if isinstance(motion, SequencePlan):
+        raise InputError(
+            "the scene of a sequence changes during its motion; check each stage that moves, whose stage.change is "
+            "None: plan.trajectory.cut(stage.begin, stage.end) in its scene of plan.scenes()"
+        )
     if not isinstance(motion, Path):
         of_kind("motion", motion, Trajectory)
     of_kind("scene", scene, Scene)

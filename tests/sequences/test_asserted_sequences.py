@@ -60,3 +60,13 @@ def test_what_a_sequence_does_not_take_is_refused(moved: rp.SequencePlan, table:
 def test_a_joint_that_does_not_follow_is_named(moved: rp.SequencePlan) -> None:
     with pytest.raises(AssertionError, match=r"the replay failed: arm/\w+_joint is \S+ rad from its set-point at \d"):
         rp.assert_replays(moved, tolerance=1e-9)
+
+
+def test_other_checkers_take_the_stages_of_a_sequence(moved: rp.SequencePlan) -> None:
+    """In one scene the fingers would touch the object that they grasp."""
+    with pytest.raises(rp.InputError, match=r"check each stage .*: plan.trajectory.cut\(stage.begin, stage.end\)"):
+        rp.second_opinion(moved, moved.scene)  # type: ignore[arg-type]
+    assert not rp.second_opinion(moved.trajectory, moved.scene, step=0.01)
+    for stage, scene in zip(moved.stages, moved.scenes(), strict=True):
+        if stage.change is None:
+            assert rp.second_opinion(moved.trajectory.cut(stage.begin, stage.end), scene, step=0.01), stage.label
