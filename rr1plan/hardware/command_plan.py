@@ -145,7 +145,7 @@ def plan_commands(
 
     Raises:
         InputError: no scene, several arms that move, a joint without channel, a channel without measured calibration
-            (of a locked joint, too), too many commands.
+            (of a locked joint, too), a step larger than the tolerance, too many commands.
         UnknownNameError: another safety level.
     """
     of_kind("calibration", calibration, Calibration)
@@ -161,6 +161,7 @@ def plan_commands(
         raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
     arm, scene, moved = _only_moving_arm(motion if isinstance(motion, Trajectory) else motion.trajectory, scene)
     scale = StepScale(scene.arms[arm].robot, calibration, box)
+    _check_step_sizes(scale, scene.joint_names([arm]), tolerance)
     q = moved(_sample_times(moved))
     for halvings in range(_MOST_HALVINGS + 1):
         corners = scale.counters(q[_segment_corners(q, tolerance * 0.5**halvings)])
@@ -173,6 +174,17 @@ def plan_commands(
         if not any(v.kind in ("collision", "undecided") for v in plan.report.violations + plan.path_report.violations):
             break
     return plan
+
+
+def _check_step_sizes(scale: StepScale, names: Sequence[str], tolerance: float) -> None:
+    """Reject steps too large for the motion, which would be rounded away."""
+    sizes = np.abs(scale.positions(np.ones((1, len(names)))) - scale.positions(np.zeros((1, len(names)))))[0]
+    largest = int(np.argmax(sizes))
+    if sizes[largest] > tolerance:
+        raise InputError(
+            f"a step of {names[largest]!r} is {sizes[largest]:.3g} rad or m, more than the tolerance {tolerance:g}: "
+            "check the scale of its calibration, in steps per rad or m, or raise the tolerance"
+        )
 
 
 def _command_plan(
