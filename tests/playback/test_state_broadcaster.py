@@ -33,6 +33,12 @@ def test_an_unknown_host_is_refused_at_once(host: str) -> None:
         rp.JointStateBroadcaster(ARM, (host, 9000))
 
 
+def test_an_address_of_read_states_is_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(rp.InputError, match=r"'udp://127.0.0.1:9000', expected .* such as \('127.0.0.1', 9000\)"):
+        rp.JointStateBroadcaster(ARM, "udp://127.0.0.1:9000")
+
+
 @pytest.mark.parametrize("port", [True, 0, 65536, "9000"])
 def test_other_values_are_no_port(port: object) -> None:
     with pytest.raises(rp.InputError, match="expected a host and a port"):

@@ -54,6 +54,8 @@ class JointStateBroadcaster:
         self._closed = False
         self._send: StateCallback | None = None
         self._to: StateCallback | Path | _Address
+        if isinstance(to, str) and "://" in to:
+            raise InputError(f"to is {shown(to)}, expected a file, or a host and a port, such as ('127.0.0.1', 9000)")
         if isinstance(to, str | Path):
             self._to = file_path(to)
         elif isinstance(to, tuple):
