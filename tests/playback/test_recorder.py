@@ -83,6 +83,23 @@ def test_the_last_instant_is_recorded_with_its_bodies() -> None:
     np.testing.assert_array_equal(record.bodies.poses[-1, 0], sim.body_coordinates("ball"))
 
 
+def test_a_body_that_an_arm_takes_is_recorded_in_its_hand(scene: rp.Scene) -> None:
+    cube = rp.transforms.pose([-0.3, 0.25, 0.4], rpy=[0.1, 0.2, 0.3])
+    sim = following(scene.with_obstacle("cube", rp.Box((0.03, 0.03, 0.03)), cube, mass=0.1))
+    with rp.Recorder(sim) as recorder:
+        sim.run(duration=0.1)
+        sim.update_scene(sim.current_scene.attach("cube", "rr1"))
+        sim.run(duration=0.2)
+        carried = sim.current_scene.detach("cube")
+        sim.update_scene(carried)
+        sim.run(duration=0.1)
+    bodies = recorder.replay().record.bodies
+    assert bodies is not None
+    assert np.isfinite(bodies.poses).all()
+    at = carried.obstacles["cube"].pose
+    np.testing.assert_allclose(bodies.poses[15, 0], rp.transforms.position_and_quaternion(at), atol=1e-9)
+
+
 def test_the_last_instant_has_the_set_points_of_the_last_step(scene: rp.Scene) -> None:
     sim = following(scene)
     with rp.Recorder(sim, 0.02) as recorder:

@@ -63,8 +63,8 @@ class BodyMotion(Value):
 
     Args:
         bodies: The bodies by name.
-        poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7); NaN while a
-            body was not in the scene.
+        poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7), also while
+            an arm holds a body that was loose; NaN while a body is not in the scene.
     """
 
     bodies: Mapping[str, Obstacle]
