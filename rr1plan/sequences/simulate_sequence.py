@@ -96,7 +96,7 @@ def simulate_sequence(
     bodies = replay.record.bodies
     rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
     objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
-    lost = [_where_lost(plan, one, replay.record.times) for one in objects.values() if one.max_offset > NEAR]
+    lost = [_where_lost(plan, one, replay.record.times, dt) for one in objects.values() if one.max_offset > NEAR]
     return SequenceReplay(replay, objects, of_arms, (*remarks, *lost, *replay.remarks))
 
 
@@ -176,8 +176,8 @@ def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
     return joint not in plan.gripper_joints.get(arm, ())
 
 
-def _where_lost(plan: SequencePlan, one: CarriedObject, times: Array) -> str:
-    """When an object left its planned position, and what may help."""
+def _where_lost(plan: SequencePlan, one: CarriedObject, times: Array, dt: float) -> str:
+    """When an object left its planned position in steps of `dt` [s], and what may help."""
     time = float(times[int(np.argmax(one.offsets > NEAR))])
     k = max((k for k, stage in enumerate(plan.stages) if stage.begin <= time), default=0)
     held = plan.scenes()[k].attachments.get(one.name)
@@ -185,6 +185,8 @@ def _where_lost(plan: SequencePlan, one: CarriedObject, times: Array) -> str:
         why = "not held then: does it stand on something, and does nothing push it?"
     elif held.arm not in plan.gripper_joints:
         why = f"the gripper of {held.arm!r} does not move: only fingers that close hold objects here, not suction"
+    elif usual_stiffness(dt, _STIFFNESS) < _STIFFNESS:
+        why = f"take a smaller dt: in steps of {1e3 * dt:g} ms servos are softer and fingers press less"
     else:
         why = (
             "a firmer grasp may hold, by squeeze of MoveGripper or stiffness of the servos; if it moves outward in "

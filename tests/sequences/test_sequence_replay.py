@@ -36,6 +36,14 @@ def test_friction_carries_the_block(replay: rp.SequenceReplay, moved: rp.Sequenc
     assert np.linalg.norm(block.poses[-1, :2, 3] - block.poses[0, :2, 3]) > 0.15
 
 
+def test_long_steps_are_named_as_the_reason_for_a_loss(moved: rp.SequencePlan) -> None:
+    """Servos of 0.8 / dt press with a 25th of their usual force."""
+    replay = rp.simulate_sequence(moved, dt=0.02)
+    assert not replay.carried
+    assert any("'block' is lost at" in said and said.endswith("fingers press less") for said in replay.remarks)
+    assert "take a smaller dt: in steps of 20 ms servos are softer" in str(replay)
+
+
 def test_a_heavier_block_is_carried_as_well(moved: rp.SequencePlan) -> None:
     replay = rp.simulate_sequence(with_block(moved, mass=0.6))
     assert replay.carried
