@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rr1plan.cli.arguments import Parser
-from rr1plan.cli.option_types import count, distance, file_name, file_of, finite, named_file, positive, seed
+from rr1plan.cli.option_types import count, distance, file_name, file_of, finite, named_file, positive, seed, time_limit
 
 EXIT_CODES = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan or failed replay, 130 interrupted"
 
@@ -55,8 +55,10 @@ def plan_options(parser: Parser) -> None:
         help="distance to keep beyond the scene's padding [m], reduced where there is less room (default: 0.002)",
     )
     parser.add_argument("--torque-limits", action="store_true", help="also keep the joints' effort limits")
-    parser.add_argument("--seconds", type=positive, default=10.0, help="budget of wall time [s] (%(default)s)")
-    parser.add_argument("--iterations", type=count, help="budget of iterations, for plans that repeat to the byte")
+    parser.add_argument("--seconds", type=time_limit, default=10.0, help="budget of wall time [s] (%(default)s)")
+    parser.add_argument(
+        "--iterations", type=count, help="budget of iterations; with --seconds inf the plan repeats to the byte"
+    )
     parser.add_argument("--seed", type=seed, default=0, help="seed of the planner (%(default)s)")
     parser.add_argument("--limits", help="limit preset of every arm, e.g. sim or hardware")
     parser.add_argument(

@@ -54,6 +54,11 @@ def positive(text: str) -> float:
     return float(_number(text, float, lambda v: v > 0.0, "a number above zero"))
 
 
+def time_limit(text: str) -> float:
+    """A number above zero, or "inf" for no limit."""
+    return math.inf if text.strip() == "inf" else positive(text)
+
+
 def distance(text: str) -> float:
     """A finite number, zero or above."""
     return float(_number(text, float, lambda v: v >= 0.0, "a distance >= 0"))

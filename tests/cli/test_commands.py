@@ -58,11 +58,9 @@ def test_plan_as_json_is_one_value(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_same_seed_and_iterations_give_the_same_motion() -> None:
+    limits = ["--seed", "5", "--iterations", "3000", "--seconds", "inf"]
     for name in ("a", "b"):
-        assert (
-            run(["plan", "rr1_table", "--seed", "5", "--iterations", "3000", "--output", f"{name}.json", "--quiet"])
-            == OK
-        )
+        assert run(["plan", "rr1_table", *limits, "--output", f"{name}.json", "--quiet"]) == OK
     first, second = (json.loads(Path(f"{n}.json").read_text())["content"] for n in ("a", "b"))
     assert first["path"] == second["path"]
     assert first["trajectory"] == second["trajectory"]

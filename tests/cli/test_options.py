@@ -110,6 +110,8 @@ def test_an_option_without_an_effect_is_refused(
         (["plan", "rr1_table", "--seconds"], "--seconds: expected one argument"),
         (["plan", "rr1_table", "--seconds", "0"], "--seconds: '0' is not a number above zero"),
         (["plan", "rr1_table", "--seconds", "nan"], "--seconds: 'nan' is not a number above zero"),
+        (["plan", "rr1_table", "--seconds", "inf"], "a budget needs seconds or iterations, got neither"),
+        (["cspace", "planar2r_path", "--seconds", "inf"], "--seconds: 'inf' is not a number above zero"),
         (["plan", "rr1_table", "--margin", "-1e-3"], "--margin: '-1e-3' is not a distance >= 0"),
         (["plan", "rr1_table", "--iterations", "0"], "--iterations: '0' is not a whole number above zero"),
         (["plan", "rr1_table", "--seed", "-1"], "--seed: '-1' is not a seed"),
