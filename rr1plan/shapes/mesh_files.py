@@ -275,7 +275,8 @@ def _check(file: Path, vertices: Any, faces: Any) -> None:
     """Reject errors that trimesh does not detect in a damaged file."""
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         raise FormatError(f"has vertices of shape {vertices.shape}, expected three numbers each", file)
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise FormatError(f"has a triangle with the corner {faces.max()}, but {len(vertices)} vertices", file)
+    beyond = faces[(faces < 0) | (faces >= len(vertices))]
+    if len(beyond):
+        raise FormatError(f"has a triangle with the corner {beyond[0]}, but {len(vertices)} vertices", file)
     if not (np.abs(vertices) < MAX_COORDINATE).all():
         raise FormatError("has a vertex that is not finite or farther away than a robot can be", file)

@@ -227,6 +227,16 @@ def test_an_obj_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, bloc
         read_mesh(tmp_path / "a.obj")
 
 
+@pytest.mark.parametrize("corner", [-1, 8])
+def test_a_ply_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, block: Mesh, corner: int) -> None:
+    faces = block.faces.copy()
+    faces[2, 1] = corner
+    file = tmp_path / "a.ply"
+    trimesh.Trimesh(block.vertices, faces, process=False).export(file, encoding="ascii")
+    with pytest.raises(FormatError, match=f"a triangle with the corner {corner}, but 8 vertices"):
+        load_mesh(file)
+
+
 def test_a_cut_stl_is_refused(tmp_path: Path, block: Mesh) -> None:
     (tmp_path / "cut.stl").write_bytes(binary_stl(block)[:-70])
     with pytest.raises(FormatError, match=r"cut\.stl: .*of 12 triangles, .* has 684 bytes, but it has 614"):
