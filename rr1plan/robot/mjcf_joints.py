@@ -221,7 +221,8 @@ class JointReader:
                 yield follower, y0 + a0
             elif any(higher):
                 log.warning(
-                    "%s: joint %r depends on joint %r by a polynomial, which is not modeled; it is held",
+                    "%s: joint %r depends on joint %r by a polynomial, which is not modeled; it is held or, if planned "
+                    "for, moves independently",
                     self.compiled.document.file,
                     self.names[follower],
                     self.names[leader],

@@ -523,6 +523,14 @@ def test_a_loop_is_named_and_its_joints_held(folder: Path, caplog: pytest.LogCap
     )
 
 
+def test_a_planned_joint_that_depends_on_another_by_a_polynomial_is_said_to_move(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = GRIPPER.replace("<equality>", '<equality><joint joint1="second" joint2="first" polycoef="0 1 0.5 0 0"/>')
+    assert "second" in load(folder, text).joint_names
+    assert "not modeled; it is held or, if planned for, moves independently" in caplog.text
+
+
 def test_tendons_that_couple_joints_of_a_robot_are_named(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     tendons = """<tendon>
       <fixed name="equal"><joint joint="first" coef="1"/><joint joint="second" coef="-1"/></fixed>
