@@ -47,7 +47,8 @@ def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointClou
         scene = scene.with_obstacle("scan", load_point_cloud("scan.pcd"))
 
     Args:
-        file: A .npy file of shape (n, 3), a .ply or .pcd file, or text with x, y, z in each line (.csv, .xyz, .txt).
+        file: A .npy file of shape (n, 3), a .ply or .pcd file, or text with x, y, z in each line (.csv, .xyz, .txt),
+            where comments (#) and a header "x,y,z" are skipped.
         resolution: Side of the cubes that the points become [m].
 
     Raises:
@@ -79,21 +80,21 @@ def read_points(file: str | Path) -> Array:
         raise FormatError(f"holds {points.dtype} of shape {points.shape}, expected numbers of shape (n, 3)", file)
     if suffix in (".ply", ".pcd"):
         points = _without_nan(points, file)
+    if not len(points):
+        raise FormatError("has no point", file)
     return np.asarray(points, dtype=np.float64)
 
 
 def _without_nan(points: Any, file: Path) -> Any:
     kept = ~np.isnan(points).any(axis=1)
-    if not kept.any():
-        raise FormatError("has no point", file)
     if not kept.all():
         log.info("%s: %d of %d points are NaN and left out", file, np.sum(~kept), len(kept))
     return points[kept]
 
 
 def _from_text(data: bytes) -> Any:
-    rows = [line.replace(",", " ").split() for line in data.decode().splitlines()]
-    rows = [row for row in rows if row and not row[0].startswith("#")]
+    rows = [line.replace(",", " ").split() for line in data.decode("utf-8-sig", "replace").splitlines()]
+    rows = [row for row in rows if row and not row[0].startswith("#") and row != ["x", "y", "z"]]
     for row in rows:
         if len(row) != 3:
             raise ValueError(f"expected three numbers in each line, got {' '.join(row)!r}")
@@ -199,7 +200,7 @@ def _header(data: bytes, last: bytes) -> tuple[list[list[str]], bytes]:
     found = re.search(rb"^" + last + rb"[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if found is None:
         raise ValueError(f"its header has no line {last.decode()!r}")
-    return [line.split() for line in data[: found.end()].decode("ascii").splitlines()], data[found.end() :]
+    return [line.split() for line in data[: found.end()].decode("latin-1").splitlines()], data[found.end() :]
 
 
 def _columns(body: bytes, formats: list[str], columns: list[int], rows: int, *, text: bool) -> Any:

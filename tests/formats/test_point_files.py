@@ -150,6 +150,26 @@ def test_rays_that_met_nothing_are_left_out(tmp_path: Path) -> None:
         read_points(tmp_path / "a.pcd")
 
 
+def test_a_mark_a_header_and_comments_in_any_encoding_are_no_points(tmp_path: Path) -> None:
+    scan = tmp_path / "scan.csv"
+    scan.write_bytes("\ufeffx,y,z\n1,2,3\n".encode() + "# Größe\n4,5,6\n".encode("latin-1"))
+    assert read_points(scan).tolist() == [[1, 2, 3], [4, 5, 6]]
+    cloud = tmp_path / "cloud.pcd"
+    cloud.write_bytes("# Größe\n".encode("latin-1") + pcd("binary"))
+    np.testing.assert_array_equal(read_points(cloud), POINTS)
+
+
+@pytest.mark.parametrize("name", ["empty.txt", "empty.npy", "empty.pcd"])
+def test_a_file_without_a_point_is_named(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    if name.endswith("npy"):
+        np.save(file, np.empty((0, 3)))
+    else:
+        file.write_bytes(b"" if name.endswith("txt") else pcd("ascii", POINTS[:0]))
+    with pytest.raises(rp.FormatError, match=f"{name}: has no point"):
+        rp.load_point_cloud(file)
+
+
 def test_a_point_at_infinity_is_refused(tmp_path: Path) -> None:
     points = POINTS.copy()
     points[1] = np.inf
