@@ -39,7 +39,7 @@ def progress_bar(text: str, console: Any) -> Iterator[Advance]:
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
-    with taken_terminal(), Progress(*columns, console=console, transient=True) as bar:
+    with taken_terminal(), Progress(*columns, console=console, transient=True, disable=console.is_dumb_terminal) as bar:
         task = bar.add_task(text, total=1.0)
 
         def advance(fraction: float, what: str = "") -> None:

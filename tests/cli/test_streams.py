@@ -157,6 +157,15 @@ def test_a_long_decomposition_draws_a_bar_on_a_terminal_only(tmp_path: Path) -> 
     assert "━" not in piped.stderr
 
 
+def test_a_terminal_that_cannot_move_its_cursor_gets_no_bar_and_no_empty_lines() -> None:
+    command = [*RR1PLAN.split(), "plan", "planar2r_path"]
+    code, said = on_a_terminal(command, TERM="dumb")
+    assert code == OK, said
+    assert "\x1b" not in said
+    assert all(said.splitlines()), said
+    assert "━" in on_a_terminal(command)[1]
+
+
 def test_a_table_on_a_narrow_terminal_has_whole_names() -> None:
     code, text = on_a_terminal([*RR1PLAN.split(), "scenes"])
     assert code == OK
