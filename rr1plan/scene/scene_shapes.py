@@ -25,7 +25,7 @@ from rr1plan.shapes import Box, Capsule, Color, Cylinder, HalfSpace, Mesh, Point
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, convex_shapes
 from rr1plan.shapes.convex_hulls import bounds_its_hull
 from rr1plan.shapes.mesh_files import load_mesh
-from rr1plan.shapes.point_cloud_files import read_points
+from rr1plan.shapes.point_cloud_files import load_point_cloud
 from rr1plan.shapes.shapes import hex_color
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_quaternion
 
@@ -195,8 +195,11 @@ def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
 def _read_points(table: Table, folder: Path) -> tuple[Shape, ...]:
     entry = _file_or_table(table, "points")
     resolution = entry.number("resolution", 0.02)
-    from_file = entry.one_of({"file": None, "points": None}) == "file"
-    points = read_points(_inside(entry, folder)) if from_file else entry.numbers("points", (None, 3))
+    if entry.one_of({"file": None, "points": None}) == "file":
+        file = _inside(entry, folder)
+        entry.finish()
+        return (load_point_cloud(file, resolution=resolution),)
+    points = entry.numbers("points", (None, 3))
     entry.finish()
     return (PointCloud(points, resolution),)
 

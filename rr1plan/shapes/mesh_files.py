@@ -34,8 +34,8 @@ MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
-# Wider meshes are probably in millimeters [m].
-_WIDEST = 50.0
+# Wider meshes and scans are probably in millimeters [m].
+WIDEST_IN_METERS = 50.0
 # Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj")
 GLTF = (".gltf", ".glb")
@@ -135,7 +135,7 @@ def warn_of_millimeters(place: str, meshes: Sequence[Mesh]) -> None:
         meshes: The meshes with their scale.
     """
     width = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes)
-    if width > _WIDEST:
+    if width > WIDEST_IN_METERS:
         log.warning("%s: the mesh is %.4g m wide; if it is in millimeters, scale it by 0.001", place, width)
 
 

@@ -170,6 +170,19 @@ def test_a_file_without_a_point_is_named(tmp_path: Path, name: str) -> None:
         rp.load_point_cloud(file)
 
 
+def test_a_scan_that_seems_to_be_in_millimeters_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "meters.xyz").write_text("0 0 0\n0.4 0.3 1\n")
+    (tmp_path / "scan.xyz").write_text("0 0 0\n400 300 1000\n")
+    rp.load_point_cloud(tmp_path / "meters.xyz")
+    assert not caplog.messages
+    rp.load_point_cloud(tmp_path / "scan.xyz")
+    (tmp_path / "cell.toml").write_text('[obstacles.scan]\npoints = "scan.xyz"\n')
+    rp.load_scene(tmp_path / "cell.toml")
+    assert len(caplog.messages) == 2
+    for message in caplog.messages:
+        assert "scan.xyz: the points are 1000 m apart; if they are in millimeters" in message
+
+
 def test_a_point_at_infinity_is_refused(tmp_path: Path) -> None:
     points = POINTS.copy()
     points[1] = np.inf
