@@ -25,7 +25,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, Value, as_generator, counted, finite_number, known_name
+from rr1plan.checks import Array, Seed, Value, as_generator, counted, finite_number, known_name, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
@@ -200,8 +200,7 @@ def plan_many_arms(
         RetimingError: a joint that has to move has no limit of velocity or acceleration, or for "ruckig" of jerk.
     """
     check_plan_arguments(problem, budget, progress)
-    if improvement is not None:
-        check_plan_arguments(problem, improvement, progress)
+    of_kind("improvement", improvement, Budget, optional=True)
     known_name("method", method, _METHODS)
     timing = HopTiming(retiming, torque_limits)
     seconds = (budget or Budget()).seconds

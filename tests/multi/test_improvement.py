@@ -257,7 +257,7 @@ def test_plan_motion_improves_by_name_until_the_budget_ends() -> None:
 
 
 def test_what_is_no_budget_is_refused() -> None:
-    with pytest.raises(InputError, match="expected a Budget"):
+    with pytest.raises(InputError, match="improvement is of type float, expected Budget"):
         plan_many_arms(_problem("shelf-2"), improvement=5.0)
 
 
