@@ -35,7 +35,7 @@ class ArmDelay(Value):
         pauses: Pairs of the time at which it begins to stop [s], and the time after that until it may continue [s].
 
     Raises:
-        InputError: a number that is not finite or below zero, a time above 1e7 s, or a slowdown above 1e6.
+        InputError: a number that is not finite or below zero, a time above 1e6 s, or a slowdown above 1e6.
     """
 
     start: float = 0.0
@@ -114,7 +114,7 @@ def execute_plan(
 
     Raises:
         UnknownNameError: a delay of an arm that is not in the plan.
-        InputError: joints that the scene does not have, a gap below zero or above 1e7 s, or a plan that limits jerk or
+        InputError: joints that the scene does not have, a gap below zero or above 1e6 s, or a plan that limits jerk or
             torques.
     """
     of_kind("graph", graph, PlanGraph)

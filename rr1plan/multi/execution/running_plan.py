@@ -31,8 +31,8 @@ _REST = 1e-9
 # Far above the rounding of times [s].
 _SAME_TIME = 1e-9
 _NEWTON_STEPS = 8
-LATEST = 1e7
-"""Largest time of a change or a delay; later ones are rounded to more than a nanosecond [s]."""
+LATEST = 1e6
+"""Largest time of a change or a delay; positions at later ones are rounded beyond the referee's tolerance [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ class RunningPlan(Value):
             time: The time [s]; times before the beginning of the plan delete nothing.
 
         Raises:
-            InputError: a time that is not a number, or later than 1e7 s.
+            InputError: a time that is not a number, or later than 1e6 s.
         """
         time = max(finite_number("time", time), self.trajectory.start_time)
         if time > LATEST:
