@@ -26,7 +26,7 @@ def check_figures(options: Namespace, problem: Problem) -> None:
     """Reject, before any work, figures that the motion will not have.
 
     Raises:
-        InputError: a diagram for a motion without a planner of many arms, or of one arm.
+        InputError: a diagram for a motion without a planner of many arms, of one arm, or of an arm and itself.
         UnknownNameError: no such arm moves.
     """
     if options.diagram is None:
@@ -38,6 +38,8 @@ def check_figures(options: Namespace, problem: Problem) -> None:
         raise InputError(f"option diagram needs two arms that move, got {problem.arms[0]!r} alone")
     for name in options.pair or ():
         known_name("moving arm", name, problem.arms)
+    if options.pair and options.pair[0] == options.pair[1]:
+        raise InputError(f"option pair names {options.pair[0]!r} twice, expected two arms")
 
 
 def draw_figures(motion: MotionPlan, options: Namespace, console: Console) -> dict[str, str]:

@@ -93,6 +93,10 @@ def test_who_has_no_schedule_is_named(capsys: pytest.CaptureFixture[str], tmp_pa
             ["rr1_pair", "--planner", "many_arms", "--diagram", "d.png", "--pair", "left", "rigth"],
             "Did you mean 'right'",
         ),
+        (
+            ["rr1_pair", "--planner", "many_arms", "--diagram", "d.png", "--pair", "left", "left"],
+            "--pair names 'left' twice",
+        ),
         (["rr1_pair", "--timeline", "line.gif"], "does not end in .png or .svg or .pdf"),
         (["rr1_pair", "--timeline", "a.svg", "--diagram", "a.svg"], "are the same file"),
     ],
