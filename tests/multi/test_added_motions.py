@@ -6,6 +6,7 @@ import gc
 import pickle
 from dataclasses import replace
 from itertools import combinations, product
+from time import sleep
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi import stopwatch
-from rr1plan.multi.execution import added_motions, running_routes
+from rr1plan.multi.execution import added_motions, present_motions, running_routes
 from rr1plan.multi.execution.running_plan import stops_of
 from rr1plan.multi.execution.running_routes import running_route
 from rr1plan.multi.timing.passing_order import closed_diagram
@@ -456,6 +457,25 @@ def test_the_conversion_of_a_result_counts_toward_the_budget(rr1: rp.Robot, monk
     assert not late
     assert late.reason == "no time was left for a path of arm01, after 2 s (option budget)"
     assert rp.add_motion(late.plan, "arm01", "home", at=0.1, budget=Budget(seconds=1.0), rng=0)
+
+
+def test_diagrams_are_not_completed_after_the_deadline(rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = rp.RunningPlan.of(rp.plan_many_arms(rp.ring_swap(rr1, 4, 0.5, rng=1), rng=0, budget=_BUDGET))
+    diagrams: list[np.ndarray | None] = []
+
+    def late(*paths: Any, **options: Any) -> np.ndarray | None:
+        sleep(0.5)
+        diagrams.append(closed_diagram(*paths, **options))
+        return diagrams[-1]
+
+    monkeypatch.setattr(present_motions, "closed_diagram", late)
+    added = rp.add_motion(plan, "arm04", "home", at=0.4, budget=Budget(seconds=0.2), rng=0)
+    assert not added
+    assert added.plan is plan
+    assert added.blocked_by == (), "no arm is known to be in the way"
+    blocked = [diagram for diagram in diagrams if diagram is not None]
+    assert blocked
+    assert all(diagram.all() for diagram in blocked)
 
 
 def test_after_a_rejected_motion_another_one_is_tried(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:

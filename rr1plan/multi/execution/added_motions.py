@@ -139,7 +139,8 @@ def add_motion(
             f"at is {at} and freeze is {freeze}, expected a time of the plan from {begin:.3f} s on and a time >= 0"
         )
     watch = watch.with_deadline(watch.left - _reserve(plan, at + freeze, watch.left))
-    return _Change(plan, arm, goal, at + freeze, as_generator(rng), watch).run()
+    with watch:
+        return _Change(plan, arm, goal, at + freeze, as_generator(rng), watch).run()
 
 
 def _reserve(plan: RunningPlan, now: float, seconds: float) -> float:
@@ -166,7 +167,7 @@ class _Change:
         self, plan: RunningPlan, arm: str, goal: GoalLike, now: float, rng: np.random.Generator, watch: Stopwatch
     ) -> None:
         self.plan, self.arm, self.goal, self.now, self._rng, self._watch = plan, arm, goal, now, rng, watch
-        self._present = PresentMotions(plan, now)
+        self._present = PresentMotions(plan, now, watch.stop)
         self._search = SingleArmMotions(self._present, rng, watch)
         self._attempt = Attempt()
 
@@ -223,6 +224,8 @@ class _Change:
         for stop, path in self._attempt.paths:
             others = present.others(self.arm)
             met = [other for other in others if len(present.blocked_times(path, stop.time, [other]).rows)]
+            if not self._watch.goes_on():  # a diagram that was not completed blocks everything
+                break
             in_the_way.update(dict.fromkeys(met))
             moving = [other for other in met if present.is_moving(other)]
             for victims in ([o] for o in moving) if len(moving) == 1 else [*([o] for o in moving), moving]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision.arm_groups import arms_in_reach
@@ -30,6 +31,7 @@ class PresentMotions:
     Args:
         plan: The plan.
         now: The instant [s].
+        stop: A flag, shape (1,). Once another thread sets it, paths whose diagrams are not known count as blocked.
 
     Attributes:
         plan: Like the argument.
@@ -37,8 +39,8 @@ class PresentMotions:
         parts: The parts of each arm from then on; those of arms that are planned anew may be replaced or missing.
     """
 
-    def __init__(self, plan: RunningPlan, now: float) -> None:
-        self.plan, self.now = plan, now
+    def __init__(self, plan: RunningPlan, now: float, stop: NDArray[np.int64]) -> None:
+        self.plan, self.now, self._stop = plan, now, stop
         self.parts: dict[str, tuple[Part, ...]] = {}
         for arm, parts in plan.parts.items():
             self.replace(arm, parts)
@@ -128,7 +130,7 @@ class PresentMotions:
             pairs = [(path.start, now), (path.goal, part.path.goal)] if math.isinf(part.end) else [(path.start, now)]
             placed = [(self._placed(one, a), self._placed(two, b)) for a, b in pairs]
             margin = next((m for m in self._margins if all(are_apart(one, a, two, b, m) for a, b in placed)), 0.0)
-            self._diagrams[key] = closed_diagram(path, part.path, margin)
+            self._diagrams[key] = closed_diagram(path, part.path, margin, stop=self._stop)
         return self._diagrams[key]
 
     def _placed(self, agent: Agent, q: Array) -> CStruct:

@@ -190,9 +190,9 @@ class SingleArmMotions:
             return True
         occupied, now = stop.before.occupancy, self._present.now
         for other in self._present.others(arm):
+            blocked = self._present.blocked_times(stop.before.path, now, [other])
             if not self.has_time():
                 return False
-            blocked = self._present.blocked_times(stop.before.path, now, [other])
             for row, enter, leave in zip(*occupied, strict=True):
                 begins, ends = blocked.of(int(row))
                 if leave > now and ((begins < leave) & (ends > max(enter, now))).any():

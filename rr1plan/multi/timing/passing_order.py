@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.placed_path import NEVER
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
 from rr1plan.multi.timing.schedule import Occupancy, Schedule, extended
@@ -51,7 +52,9 @@ class Precedence(NamedTuple):
     after: Step
 
 
-def closed_diagram(one: AgentPath, two: AgentPath, margin: float, wanted: Cells | None = None) -> Blocked | None:
+def closed_diagram(
+    one: AgentPath, two: AgentPath, margin: float, wanted: Cells | None = None, stop: NDArray[np.int64] = NEVER
+) -> Blocked | None:
     """The extended diagram of two paths, in which rest at an end is free if the adjacent segment is.
 
     An end is a part of that segment, so a proof for the segment also holds at the end.
@@ -61,8 +64,9 @@ def closed_diagram(one: AgentPath, two: AgentPath, margin: float, wanted: Cells 
         two: A path of another one.
         margin: Distance to keep beyond the padding [m].
         wanted: Cells to check, see `coordination_diagram` (default: all).
+        stop: A flag that ends the computation, see `coordination_diagram`.
     """
-    blocked = coordination_diagram(one, two, margin, wanted=wanted)
+    blocked = coordination_diagram(one, two, margin, stop, wanted)
     if blocked is None:
         return None
     for cells, segments in ((blocked, one.segments), (blocked.T, two.segments)):
