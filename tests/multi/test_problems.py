@@ -126,6 +126,8 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         ring_swap(rr1, 2, 3.0, rng=0)
     with pytest.raises(InputError, match="no query found"):
         dual_arm_shelf(rr1, 4.0, 0)
+    with pytest.raises(InputError, match="robot is of type str, expected Robot; load one with load_robot"):
+        rp.random_grid("rr1", 4, 0.6)
     with pytest.raises(InputError, match="empty sequence"):
         random_grid([], 3, 0.8)
     with pytest.raises(InputError, match="touch each other, and neither moves"):

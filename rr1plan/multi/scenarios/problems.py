@@ -98,7 +98,7 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
 
 def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
     """Arms of one or several robots on a grid, as square as their number allows."""
-    robots = (robot,) if isinstance(robot, Robot) else items_of("robot", robot, "robots")
+    robots = (robot,) if isinstance(robot, Robot | str) else items_of("robot", robot, "robots")
     if not robots:
         raise InputError("robot is an empty sequence, expected at least one Robot")
     for one in robots:
