@@ -456,7 +456,7 @@ def test_the_conversion_of_a_result_counts_toward_the_budget(rr1: rp.Robot, monk
     late = rp.add_motion(result, "arm01", "home", at=0.1, budget=Budget(seconds=1.0), rng=0)
     assert not late
     assert late.reason == "no time was left for a path of arm01, after 2 s (option budget)"
-    assert rp.add_motion(late.plan, "arm01", "home", at=0.1, budget=Budget(seconds=1.0), rng=0)
+    assert rp.add_motion(late.plan, "arm01", "home", at=0.1, budget=_BUDGET, rng=0)
 
 
 def test_diagrams_are_not_completed_after_the_deadline(rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -464,12 +464,13 @@ def test_diagrams_are_not_completed_after_the_deadline(rr1: rp.Robot, monkeypatc
     diagrams: list[np.ndarray | None] = []
 
     def late(*paths: Any, **options: Any) -> np.ndarray | None:
-        sleep(0.5)
+        while not options["stop"][0]:
+            sleep(0.01)
         diagrams.append(closed_diagram(*paths, **options))
         return diagrams[-1]
 
     monkeypatch.setattr(present_motions, "closed_diagram", late)
-    added = rp.add_motion(plan, "arm04", "home", at=0.4, budget=Budget(seconds=0.2), rng=0)
+    added = rp.add_motion(plan, "arm04", "home", at=0.4, budget=Budget(seconds=2.0), rng=0)
     assert not added
     assert added.plan is plan
     assert added.blocked_by == (), "no arm is known to be in the way"
