@@ -604,3 +604,32 @@ def test_the_ends_of_sliding_joints_are_in_the_picture(tab: Any, kinds: str, tmp
     if kinds == "PP":
         assert tab.ask(drag, [0, "max"]) == ["800.0 mm", "free"]
     assert tab.complaints == []
+
+
+def test_two_fingers_zoom_the_workspace_and_leave_the_arm(calm: Any) -> None:
+    session = calm.page.context.new_cdp_session(calm.page)
+
+    def touch(kind: str, *points: tuple[float, float]) -> None:
+        spots = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": spots})
+        calm.next_frames()
+
+    q, far = shown(calm), "RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)"
+    before = calm.ask(far)
+    x, y = in_view(calm, [*calm.ask("RR1.lesson.arm.places(Array.from(RR1.q))[2]"), 0.0])
+    touch("touchStart", (x, y))
+    touch("touchStart", (x, y), (x - 40, y))
+    for spread in (20, 40, 60, 80):
+        touch("touchMove", (x + spread / 4, y), (x - 40 - spread, y))
+    touch("touchEnd")
+    np.testing.assert_array_equal(shown(calm), q)
+    assert calm.ask(far) < 0.8 * before
+    calm.ask("RR1.lesson.arm.turned = false, RR1.lesson.arm.look()")
+    # In the configuration space the arm follows the first finger only.
+    spot, other = on_canvas(calm, [-0.5, 0.4]), on_canvas(calm, [0.5, -2.0])
+    touch("touchStart", spot)
+    first = shown(calm)
+    touch("touchStart", spot, other)
+    touch("touchMove", spot, (other[0] + 30, other[1] + 30))
+    np.testing.assert_array_equal(shown(calm), first)
+    touch("touchEnd")

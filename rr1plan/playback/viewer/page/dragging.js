@@ -21,6 +21,13 @@ function shifted(pose, by) {
   return out;
 }
 
+/** Gives a pressed pointer to the camera. */
+function giveToCamera(pane, { pointerId, pointerType, clientX, clientY }) {
+  const press = new PointerEvent("pointerdown", { pointerId, pointerType, clientX, clientY, bubbles: true, button: 0, buttons: 1, isPrimary: true });
+  press.given = true;
+  pane.dispatchEvent(press);
+}
+
 class Dragging {
   constructor(viewer, editing) {
     Object.assign(this, { viewer, editing, picker: editing.picker, gesture: null, hovered: null, pointer: null });
@@ -76,7 +83,7 @@ class Dragging {
 
   press(event) {
     const { editing } = this;
-    if (!editing.active || event.button !== 0 || this.giving) return;
+    if (!editing.active || event.button !== 0 || event.given) return;
     if (this.gesture) {
       // A second finger gives the gesture to the camera.
       if (event.pointerType === "touch" && event.pointerId !== this.gesture.id) this.handBack();
@@ -162,13 +169,10 @@ class Dragging {
 
   /** Gives the pointer of a gesture to the camera, as if it had never moved anything. */
   handBack() {
-    const { gesture } = this, { pane } = this.viewer.stage;
+    const { gesture } = this;
     if (gesture.moved) this.editing.undo();
     this.end();
-    const { pointerId, pointerType, clientX, clientY } = gesture.last || gesture.event;
-    this.giving = true;
-    pane.dispatchEvent(new PointerEvent("pointerdown", { pointerId, pointerType, clientX, clientY, bubbles: true, button: 0, buttons: 1, isPrimary: true }));
-    this.giving = false;
+    giveToCamera(this.viewer.stage.pane, gesture.last || gesture.event);
   }
 
   // ---- moves -------------------------------------------------------------------------------

@@ -50,6 +50,9 @@ class PlanarDrags {
   }
 
   press(event) {
+    if (event.given) return;
+    // A second finger gives what the first one has grabbed to the camera.
+    if (!event.isPrimary) { if (this.grip) this.handBack(); return; }
     this.down = data.planar && event.button === 0 ? [event.clientX, event.clientY] : null;
     const found = this.down && this.find(event);
     if (!found) return;
@@ -57,11 +60,19 @@ class PlanarDrags {
     event.preventDefault();
     viewer.stage.pane.setPointerCapture(event.pointerId);
     this.grip = found;
+    this.last = event;
+  }
+
+  handBack() {
+    if (this.held) this.held.drop();
+    this.held = this.grip = null;
+    giveToCamera(viewer.stage.pane, this.last);
   }
 
   move(event) {
     const { pane } = viewer.stage;
     if (this.grip && !this.held && this.far(event) > 3) this.held = this.grip.begin();
+    if (this.grip) this.last = event;
     if (this.held) {
       const point = this.arm.under(event);
       if (point) this.held.move(point);
