@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +64,50 @@ def test_sliders_are_long_enough_to_drag_in_a_small_window(page: Any, mode: str)
     )
     page.resize(960, 640)
     assert all(width >= 34 and beyond <= 0 for width, beyond in knobs), knobs
+
+
+def test_names_in_the_configuration_space_do_not_overlap(page: Any) -> None:
+    page.resize(1280, 720)
+    boxes = page.ask(
+        """() => {
+            const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { chart } = RR1.lesson;
+            CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+                const wide = this.measureText(text).width, left = x - (this.textAlign === "center" ? wide / 2 : 0);
+                rows.push([text, left, y - 5 * chart.unit, left + wide, y + 5 * chart.unit]);
+            };
+            chart.redraw();
+            CanvasRenderingContext2D.prototype.fillText = usual;
+            chart.redraw();
+            return rows;
+        }"""
+    )
+    page.resize(960, 640)
+    names = [box for box in boxes if re.fullmatch("[a-z ]{3,}", box[0])]
+    assert {"other elbow", "start", "goal", "blue", "yellow"} <= {name for name, *_ in names}
+    for a, b in combinations(names, 2):
+        assert a[3] <= b[1] or b[3] <= a[1] or a[4] <= b[2] or b[4] <= a[2], (a, b)
+
+
+def test_no_path_is_drawn_over_the_names_of_images(page: Any) -> None:
+    page.resize(1280, 720)
+    page.ask("RR1.steps.go(2)")
+    order = page.ask(
+        """() => {
+            const { chart } = RR1.lesson, order = [], usual = CanvasRenderingContext2D.prototype.fillText;
+            chart.overlays.push(() => order.push("path"));
+            CanvasRenderingContext2D.prototype.fillText = function (text, ...at) {
+                if (this.canvas === chart.canvas) order.push(text);
+                usual.call(this, text, ...at);
+            };
+            chart.redraw();
+            CanvasRenderingContext2D.prototype.fillText = usual;
+            chart.overlays.pop();
+            return order;
+        }"""
+    )
+    page.resize(960, 640)
+    assert order[0] == "path"
+    assert "yellow" in order
 
 
 @pytest.mark.parametrize("mode", ["plane", "blend", "phases", "cost"])

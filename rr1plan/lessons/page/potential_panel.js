@@ -323,7 +323,6 @@ class PotentialField extends Walk {
     pen.save();
     pen.imageSmoothingEnabled = false;
     pen.drawImage(this.canvas, x, y, size, size);
-    chart.drawNames(pen);
     pen.lineJoin = pen.lineCap = "round";
     const trail = [];
     for (const q of this.way.slice(0, this.at + 1)) trail.push(trail.length ? chart.near(trail[trail.length - 1], q) : q);

@@ -77,19 +77,19 @@ class CspaceChart {
     this.area.getContext("2d").putImageData(lesson.cells.paint(size, this.ratio, lesson.tinted, lesson.only), 0, 0);
   }
 
-  /** Draws the static layers: cells, tree, names, frame; then the others. */
+  /** Draws the static layers: cells, tree, frame; then the others. */
   redraw() {
     this.still ||= element("canvas");
     const { width, height } = this.canvas, pen = this.still.getContext("2d"), { x, y } = this.plot;
     if (this.still.width === width && this.still.height === height) pen.clearRect(0, 0, width, height);
     else Object.assign(this.still, { width, height });
     pen.drawImage(this.area, x, y);
-    this.inside(pen, () => { if (this.lesson.showTree) this.drawTree(pen); this.drawNames(pen); });
+    this.inside(pen, () => { if (this.lesson.showTree) this.drawTree(pen); });
     drawFrame(pen, this.plot, this.unit);
     this.draw();
   }
 
-  /** Draws what moves on the static layers: overlays, motion, marks, names of the marks. */
+  /** Draws what moves on the static layers: overlays, motion, names of the images, marks, names of the marks. */
   draw() {
     if (!this.still) return;
     const { lesson, pen, unit } = this, { workspace } = lesson;
@@ -98,6 +98,7 @@ class CspaceChart {
     this.inside(pen, () => {
       for (const overlay of this.overlays) overlay(pen);
       this.drawMotion(pen);
+      this.drawNames(pen);
       const [u, v] = this.shares(q2());
       this.drawHairs(pen, u, v);
       if (workspace && Math.abs(workspace.side(q2())) > 0.02 && !lesson.place(workspace.twin(q2())).outside) {
@@ -163,6 +164,7 @@ class CspaceChart {
 
   /** Names on the images, so that no reader depends on colors. */
   drawNames(pen) {
+    this.taken = []; // parts of the picture with text: [left, top, right, bottom]
     pen.save();
     pen.font = `600 ${12 * this.unit}px ${FONT}`;
     pen.textAlign = "center";
@@ -179,6 +181,7 @@ class CspaceChart {
       pen.strokeText(layer.name, middle, py);
       pen.fillStyle = light ? INK : "#fff";
       pen.fillText(layer.name, middle, py);
+      this.taken.push([middle - half, py - 8 * this.unit, middle + half, py + 8 * this.unit]);
     });
     pen.restore();
   }
@@ -230,10 +233,14 @@ class CspaceChart {
     for (const [q, text, color] of marks) {
       pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${FONT}`;
       const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
-      // Next to the mark, or below it if there is no room: names of images are on the left.
-      const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;
-      const left = beside ? px + 13 * this.unit : Math.min(px - wide / 2, x + size - wide - 3 * this.unit);
-      const top = Math.min(Math.max(py + (beside ? -9 : below) * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
+      // Next to the mark, or below or above it, where there is room and no other text.
+      const far = 13 * this.unit, low = 19 * this.unit, middle = Math.max(Math.min(px - wide / 2, x + size - wide - 3 * this.unit), x + 3 * this.unit);
+      const boxes = [[px + far, py - 9 * this.unit], [px + far, py + 9 * this.unit], [middle, py + low], [middle, py - low], [px - far - wide, py - 9 * this.unit]]
+        .map(([left, top]) => [left, top - 8 * this.unit, left + wide, top + 8 * this.unit]);
+      const inside = boxes.filter((box) => box[0] >= x && box[1] >= y && box[2] <= x + size && box[3] <= y + size);
+      const spot = inside.find((box) => !this.taken.some((other) => meets(box, other))) || inside[0] || boxes[0];
+      const left = spot[0], top = (spot[1] + spot[3]) / 2;
+      this.taken.push(spot);
       pen.strokeStyle = "rgba(255,255,255,.95)";
       pen.lineWidth = 4.5 * this.unit;
       pen.strokeText(text, left, top);
@@ -242,6 +249,11 @@ class CspaceChart {
     }
     pen.restore();
   }
+}
+
+/** Whether two boxes [left, top, right, bottom] overlap. */
+function meets(a, b) {
+  return a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
 }
 
 function disc(pen, x, y, r, fill, rim, width) {
