@@ -359,6 +359,14 @@ def test_the_phase_plane_appears_once_the_planner_is_loaded(tab: Any, tmp_path: 
     assert tab.complaints == []
 
 
+@pytest.mark.parametrize(("kinds", "names"), [("PR", {"d₁ [m]", "θ₂"}), ("RP", {"θ₁", "d₂", "[m]"})])
+def test_axes_of_sliding_joints_have_a_unit(tab: Any, kinds: str, names: set[str], tmp_path: FilePath) -> None:
+    scene = rp.Scene(name=kinds).with_arm("arm", rp.planar_arm(kinds))
+    tab.record_texts()
+    tab.open(rp.cspace(scene, resolution=40).save_html(tmp_path / "slides.html"), READY)
+    assert names <= set(tab.ask("texts"))
+
+
 def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
     picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=32)
     tab.open(picture.save_html(tmp_path / "rr1.html"), READY)

@@ -276,11 +276,14 @@ function drawFrame(pen, plot, unit) {
   pen.textBaseline = "middle";
   for (const [part, text] of ticks(1)) pen.fillText(text, x - 8 * unit, y + (1 - part) * size);
   pen.fillStyle = INK;
-  pen.font = `600 ${13 * unit}px ${FONT}`;
   pen.textAlign = "center";
   pen.textBaseline = "alphabetic";
-  pen.fillText(symbol(0), x + betweenTicks(0, 0.625) * size, y + size + 18 * unit);
-  pen.fillText(symbol(1), x - 20 * unit, y + (1 - betweenTicks(1, 0.624)) * size + 4 * unit);
+  const unitOf = (axis) => (data.joints[axis].straight ? "[m]" : ""), high = y + (1 - betweenTicks(1, 0.624)) * size + 4 * unit;
+  pen.font = `600 ${(unitOf(0) ? 11 : 13) * unit}px ${FONT}`; // between two marks also in a small window
+  pen.fillText(`${symbol(0)} ${unitOf(0)}`.trim(), x + betweenTicks(0, 0.625) * size, y + size + 18 * unit);
+  pen.font = `600 ${13 * unit}px ${FONT}`;
+  pen.fillText(symbol(1), x - 20 * unit, high);
+  pen.fillText(unitOf(1), x - 20 * unit, high + 15 * unit);
   for (const axis of [0, 1]) {
     pen.setLineDash(data.periodic[axis] ? [6 * unit, 4 * unit] : []);
     pen.lineWidth = (data.periodic[axis] ? 1.6 : 1.1) * unit;
