@@ -359,14 +359,6 @@ def test_the_phase_plane_appears_once_the_planner_is_loaded(tab: Any, tmp_path: 
     assert tab.complaints == []
 
 
-@pytest.mark.parametrize(("kinds", "names"), [("PR", {"d₁ [m]", "θ₂"}), ("RP", {"θ₁", "d₂", "[m]"})])
-def test_axes_of_sliding_joints_have_a_unit(tab: Any, kinds: str, names: set[str], tmp_path: FilePath) -> None:
-    scene = rp.Scene(name=kinds).with_arm("arm", rp.planar_arm(kinds))
-    tab.record_texts()
-    tab.open(rp.cspace(scene, resolution=40).save_html(tmp_path / "slides.html"), READY)
-    assert names <= set(tab.ask("texts"))
-
-
 def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
     picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=32)
     tab.open(picture.save_html(tmp_path / "rr1.html"), READY)
@@ -571,7 +563,7 @@ def test_names_of_axes_stand_between_their_marks(kinds: str, tab: Any, tmp_path:
     tab.open(rp.cspace(scene, resolution=40).save_html(tmp_path / "axes.html"), READY)
     texts, _ = written(tab)
     assert {"0", "0.2", "0.4", "0.6", "0.8"} <= set(texts)
-    for name in ("θ₁" if kinds == "RP" else "d₁", "d₂"):
+    for name in ("θ₁" if kinds == "RP" else "d₁ [m]", "d₂", "[m]"):
         left, top, right, bottom = texts[name]
         for text, box in texts.items():
             assert text == name or right < box[0] or box[2] < left or bottom < box[1] or box[3] < top, (name, text)
