@@ -233,6 +233,8 @@ def of_kind(name: str, value: Any, kind: type, *, optional: bool = False, method
     """
     if isinstance(value, kind) or (optional and value is None):
         return
+    if isinstance(value, type) and issubclass(value, kind):
+        raise InputError(f"{name} is the class {value.__name__}, expected an object of it, as {value.__name__}(...)")
     raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}{_hint(value, kind, method)}")
 
 

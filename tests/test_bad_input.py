@@ -110,6 +110,16 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "bare_shapes": (lambda s: s.with_obstacle("box", [BOX]), rp.InputError, "expected a shape"),
     "name_with_nul": (lambda s: s.with_obstacle("a\0b", BOX), rp.InputError, "printable"),
     "no_robot": (lambda s: s.with_arm("other", "rr1"), rp.InputError, "expected Robot; load one with load_robot"),
+    "padding_of_an_element_and_itself": (
+        lambda s: s.with_padding(0.1, "arm/link1", "arm/link1"),
+        rp.InputError,
+        "the element 'arm/link1' twice",
+    ),
+    "class_of_a_controller": (
+        lambda s: rp.Simulation(s).activate(rp.JointTrajectoryController),
+        rp.InputError,
+        r"the class JointTrajectoryController, expected an object of it, as JointTrajectoryController\(...\)",
+    ),
     "padding_text": (lambda s: s.with_padding("1"), rp.InputError, "padding"),
     "allow_itself": (lambda s: s.allow("arm", "arm"), rp.InputError, "twice"),
     "limits_none": (lambda s: s.arms["arm"].robot.with_limits(None), rp.InputError, "preset"),

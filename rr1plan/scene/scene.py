@@ -181,7 +181,7 @@ class Scene(SceneContent):
 
         Raises:
             UnknownNameError: no such element or arm.
-            InputError: a negative distance, or one name only.
+            InputError: a negative distance, one name only, or the same element twice.
         """
         if (a is None) != (b is None):
             raise InputError("with_padding takes a distance, or a distance and two names")
@@ -190,6 +190,8 @@ class Scene(SceneContent):
                 check_text("element", one)
         if a is None or b is None:
             return self._padded(distance, self.pair_padding)
+        if a == b and a not in self.arms:
+            raise InputError(f"with_padding got the element {a!r} twice, expected two elements, or an arm twice")
         return self._padded(self.padding, {**self.pair_padding, pair(a, b): distance})
 
     def with_margin(self, distance: float) -> Scene:
