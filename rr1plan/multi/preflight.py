@@ -220,7 +220,8 @@ def warm_up_agents(problem: Problem) -> None:
 def _too_late(watch: Stopwatch) -> Preflight:
     if watch.cancelled:
         return Preflight({}, {}, PlanStatus.CANCELLED, CANCELLED)
-    reason = f"starts and goals took all of {watch.seconds:.3g} s to check (warm_up builds tables in advance)"
+    advice = "allow more time, or build tables in advance (warm_up)"
+    reason = f"starts and goals took all of {watch.seconds:.3g} s to check: {advice}"
     return Preflight({}, {}, PlanStatus.TIMEOUT, reason)
 
 
