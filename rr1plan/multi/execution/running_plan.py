@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_number, known_name, number_from_zero, of_kind
+from rr1plan.checks import Array, Value, counted, finite_number, known_name, number_from_zero, of_kind
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, passed_gridpoints, route_of
 from rr1plan.multi.execution.route_motion import RouteMotion, gentler
@@ -117,7 +117,7 @@ class RunningPlan(Value):
         object.__setattr__(self, "margin", number_from_zero("margin", self.margin))
 
     def __repr__(self) -> str:
-        return f"RunningPlan({len(self.parts)} arms, {self.trajectory.end_time:.3f} s)"
+        return f"RunningPlan({counted(len(self.parts), 'arm')}, {self.trajectory.end_time:.3f} s)"
 
     @staticmethod
     def of(result: ManyArmsResult) -> RunningPlan:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, check_callback, known_name, of_kind
+from rr1plan.checks import Array, Value, check_callback, counted, known_name, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
@@ -112,7 +112,8 @@ class PlanGraph(Value):
         arms = sum(len(route.arms) for route in self.routes)
         steps = sum(len(route.steps) for route in self.routes)
         tolerance = f"skew_tolerance={self.skew_tolerance:.3g} s"
-        return f"PlanGraph({arms} arms, {steps} steps, {len(self.dependencies)} dependencies, {tolerance})"
+        needed = counted(len(self.dependencies), "dependency", "dependencies")
+        return f"PlanGraph({counted(arms, 'arm')}, {counted(steps, 'step')}, {needed}, {tolerance})"
 
     @property
     def arms(self) -> tuple[str, ...]:
