@@ -476,7 +476,7 @@ class Lesson {
     };
     canvas.addEventListener("pointerdown", (event) => {
       const spot = chart.spot(event);
-      if (event.button !== 0 || !event.isPrimary || !chart.inPlot(spot)) return;
+      if (event.button !== 0 || !chart.inPlot(spot)) return;
       held = true;
       from = [event.clientX, event.clientY];
       mark = this.live ? chart.markAt(spot) : null;
@@ -484,7 +484,6 @@ class Lesson {
       take(event);
     });
     canvas.addEventListener("pointermove", (event) => {
-      if (!event.isPrimary) return;
       const spot = chart.spot(event);
       this.pointer = held || chart.inPlot(spot) ? spot : null;
       if (mark !== null && dragged === null && Math.hypot(event.clientX - from[0], event.clientY - from[1]) > 3) {
@@ -498,8 +497,7 @@ class Lesson {
       this.tip();
     });
     for (const end of ["pointerup", "pointercancel"]) {
-      canvas.addEventListener(end, (event) => {
-        if (!event.isPrimary) return;
+      canvas.addEventListener(end, () => {
         if (dragged !== null) this.edits.drop();
         held = false;
         mark = dragged = null;

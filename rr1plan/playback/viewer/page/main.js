@@ -381,6 +381,16 @@ class Viewer {
     requestAnimationFrame(frame);
     // Without frames for a while, because the page is hidden: no late frame.
     document.addEventListener("visibilitychange", () => { this.player.last = this.pace.last = null; });
+    this.ignoreMoreFingers();
+  }
+
+  /** Lets panels follow the first finger only; in the 3-D view a second one zooms. */
+  ignoreMoreFingers() {
+    for (const kind of ["pointerdown", "pointermove", "pointerup", "pointercancel"]) {
+      document.addEventListener(kind, (event) => {
+        if (!event.isPrimary && !this.stage.pane.contains(event.target)) event.stopPropagation();
+      }, true);
+    }
   }
 
   /** Whether anything moves; very many arms count as moving a while longer, because full quality takes long to draw. */
