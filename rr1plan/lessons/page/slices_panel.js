@@ -274,7 +274,7 @@ class SixJoints {
     const n = this.counts.length;
     if (!n) return "No configuration has been checked yet. Press “Sample 500”.";
     const [p, low, high] = this.interval(n);
-    return `${n} random configurations, ${this.counts[n - 1]} of them free: ${percent(p)}. With 95 % confidence the free share is between ${percent(low)} and ${percent(high)}.`;
+    return `Of ${n} random configurations ${this.counts[n - 1]} are free: ${percent(p)}; with 95 % confidence the share is ${percent(low)} to ${percent(high)}.`;
   }
 
   drawChart(pen, unit) {
