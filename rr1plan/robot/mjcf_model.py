@@ -240,7 +240,7 @@ class _Meshes:
         asset.uservert = mesh.vertices.ravel()
         asset.userface = mesh.faces.ravel()
         placed = _placed(mesh, np.array(asset.refpos), np.array(asset.refquat), np.array(asset.scale))
-        warn_of_millimeters("{}:{}".format(*file.element.at), [placed])
+        warn_of_millimeters("{}:{}".format(*file.element.at), "mesh", [placed.vertices])
         return placed
 
 

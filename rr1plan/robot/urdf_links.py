@@ -100,7 +100,8 @@ class UrdfLinkReader:
                 self._meshes[key] = read_mesh(self._lookup.find(key[0]), key[1])
             except InputError as error:
                 raise element.error(str(error)) from error
-            warn_of_millimeters("{}:{}".format(*element.at), [part.mesh for part in self._meshes[key]])
+            vertices = [part.mesh.vertices for part in self._meshes[key]]
+            warn_of_millimeters("{}:{}".format(*element.at), "mesh", vertices)
         return self._meshes[key]
 
     # ---- colors -----------------------------------------------------------------------

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import file_path, finite_array, shown, true_or_false
+from rr1plan.checks import Array, file_path, finite_array, shown, true_or_false
 from rr1plan.errors import FormatError, InputError, reason_of
 from rr1plan.files.file_access import read_bytes
 from rr1plan.files.xml_reader import first_attributes
@@ -35,7 +35,7 @@ MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
 # Wider meshes and scans are probably in millimeters [m].
-WIDEST_IN_METERS = 50.0
+_WIDEST = 50.0
 # Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj")
 GLTF = (".gltf", ".glb")
@@ -121,22 +121,23 @@ def load_mesh(file: str | Path, *, scale: float | tuple[float, float, float] = 1
     true_or_false("hull", hull)
     x, y, z = factors.tolist()
     parts = [part.mesh for part in read_mesh(file, (x, y, z))]
-    warn_of_millimeters(str(file), parts)
+    warn_of_millimeters(str(file), "mesh", [mesh.vertices for mesh in parts])
     if hull:
         return convex_hull(np.concatenate([mesh.vertices for mesh in parts]))
     return joined_mesh(parts)
 
 
-def warn_of_millimeters(place: str, meshes: Sequence[Mesh]) -> None:
-    """Log that meshes are so wide that their file seems to be in millimeters.
+def warn_of_millimeters(place: str, kind: str, parts: Sequence[Array]) -> None:
+    """Log that a mesh or a scan is so wide that its file seems to be in millimeters.
 
     Args:
         place: The file, or the place that names it, for the message.
-        meshes: The meshes with their scale.
+        kind: "mesh" or "scan", for the message.
+        parts: Points of each part with its scale [m], shape (n, 3).
     """
-    width = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes)
-    if width > WIDEST_IN_METERS:
-        log.warning("%s: the mesh is %.4g m wide; if it is in millimeters, scale it by 0.001", place, width)
+    width = max(float(np.ptp(points, axis=0).max()) for points in parts)
+    if width > _WIDEST:
+        log.warning("%s: the %s is %.4g m wide; if it is in millimeters, scale it by 0.001", place, kind, width)
 
 
 def joined_mesh(parts: Sequence[Mesh]) -> Mesh:

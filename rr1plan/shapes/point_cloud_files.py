@@ -15,7 +15,7 @@ from rr1plan.errors import FormatError
 from rr1plan.files.file_access import MAX_BYTES, read_bytes
 from rr1plan.files.npy_files import parse_array
 from rr1plan.shapes import PointCloud
-from rr1plan.shapes.mesh_files import WIDEST_IN_METERS
+from rr1plan.shapes.mesh_files import warn_of_millimeters
 
 log = logging.getLogger(__name__)
 
@@ -57,10 +57,7 @@ def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointClou
         InputError: a resolution that is not positive, or points that are too far away.
     """
     cloud = PointCloud(read_points(file), resolution)
-    width = float(np.ptp(cloud.points, axis=0).max())
-    if width > WIDEST_IN_METERS:
-        text = "%s: the points are %.4g m apart; if they are in millimeters, multiply them by 0.001"
-        log.warning(text, file, width)
+    warn_of_millimeters(str(file), "scan", [cloud.points])
     return cloud
 
 
