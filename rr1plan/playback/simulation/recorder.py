@@ -12,7 +12,6 @@ from rr1plan.errors import InputError
 from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayRecord
 from rr1plan.playback.simulation.replay_notes import replay_remarks, replay_settings
 from rr1plan.playback.simulation.simulation import Simulation
-from rr1plan.robot.robot import poses_at
 from rr1plan.scene import Obstacle
 from rr1plan.scene.joint_units import joint_units
 from rr1plan.thread_locks import exclusive
@@ -35,8 +34,10 @@ class BodyLog:
         """Add the current poses."""
         names = sim.body_names
         self._bodies |= {name: sim.scene.obstacles[name] for name in names}
-        held = {name: _held_coordinates(sim, name) for name in self._bodies if name in sim.scene.attachments}
-        self._rows.append({name: sim.body_coordinates(name) for name in names} | held)
+        self._rows.append({name: sim.body_coordinates(name) for name in names})
+        for name in self._bodies.keys() & sim.scene.attachments.keys():
+            held = sim.current_scene.detach(name).obstacles[name]
+            self._rows[-1][name] = position_and_quaternion(held.pose)
 
     def drop_last(self) -> None:
         """Remove the poses that were added last."""
@@ -49,15 +50,6 @@ class BodyLog:
         gone = np.full(7, np.nan)
         poses = np.array([[row.get(name, gone) for name in self._bodies] for row in self._rows])
         return BodyMotion(self._bodies, poses)
-
-
-def _held_coordinates(sim: Simulation, name: str) -> Array:
-    """Position [m] and quaternion (wxyz) of an object that is attached to an arm, shape (7,)."""
-    thing = sim.scene.attachments[name]
-    arm = sim.scene.arms[thing.arm]
-    positions = dict(zip(sim.joint_names, sim.positions.tolist(), strict=True))
-    values = {n.removeprefix(f"{thing.arm}/"): q for n, q in positions.items() if n.startswith(f"{thing.arm}/")}
-    return position_and_quaternion(arm.base @ poses_at(arm.robot, values)[thing.link] @ thing.pose)
 
 
 class Recorder:
