@@ -65,7 +65,7 @@ def test_a_joint_that_does_not_follow_is_named(moved: rp.SequencePlan) -> None:
 def test_other_checkers_take_the_stages_of_a_sequence(moved: rp.SequencePlan) -> None:
     """In one scene the fingers would touch the object that they grasp."""
     with pytest.raises(rp.InputError, match=r"check each stage .*: plan.trajectory.cut\(stage.begin, stage.end\)"):
-        rp.second_opinion(moved, moved.scene)  # type: ignore[arg-type]
+        rp.second_opinion(moved, moved.scene)
     assert not rp.second_opinion(moved.trajectory, moved.scene, step=0.01)
     for stage, scene in zip(moved.stages, moved.scenes(), strict=True):
         if stage.change is None:
