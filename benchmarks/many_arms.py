@@ -229,7 +229,7 @@ def _measure(task: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _first_problem(task: Mapping[str, Any], robot: rp.Robot) -> rp.Problem:
-    """A problem of two arms of the same kind, so that what only the first call of a process takes is not measured."""
+    """A problem of the same kind for two arms: the first call of a process takes longer, and is not measured."""
     try:
         return _problem(task | {"arms": 2, "seed": task["seed"] + 1000}, robot)
     except rp.InputError:
