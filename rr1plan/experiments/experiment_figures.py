@@ -74,11 +74,11 @@ def _factors(plot: mpl_axes.Axes, rows: Sequence[Row], key: str, thesis: Mapping
     plot.set_xscale("log")
     plot.set_yscale("log")
     plot.axhline(1.0, color=_LOOK.soft, linewidth=1)
-    # Above the right end of the line, where the curve of the thesis is lower or ends.
+    # Above the line, where the curve of the thesis is lower or has ended, and ours is higher.
     plot.annotate(
         "real time",
-        (1.0, 1.0),
-        (-2.0, 6.0),
+        (0.75, 1.0),
+        (0.0, 6.0),
         xycoords=plot.get_yaxis_transform(),
         textcoords="offset points",
         horizontalalignment="right",
