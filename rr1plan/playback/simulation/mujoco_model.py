@@ -97,13 +97,12 @@ class MujocoScene:
         Returns:
             Shape (n,).
         """
-        found = np.ones(len(geoms), dtype=np.bool_)
+        one, two = geoms.T
         if not self.body_names:
-            return found  # pairs that may touch are excluded from the model
-        loose = self._loose_geoms[geoms].any(axis=1)
-        with_arm = self._arm_geoms[geoms].any(axis=1)
-        found[loose] = False
-        for k in np.flatnonzero(loose & with_arm).tolist():
+            return np.ones(len(geoms), dtype=np.bool_)  # pairs that may touch are excluded from the model
+        # Contacts without a loose body are between arms, or with an arm.
+        found: NDArray[np.bool_] = self._arm_geoms[one] | self._arm_geoms[two]
+        for k in np.flatnonzero(found & (self._loose_geoms[one] | self._loose_geoms[two])).tolist():
             a, b = geoms[k].tolist()
             found[k] = not self.scene.may_touch(self.geom_elements[a], self.geom_elements[b])
         return found

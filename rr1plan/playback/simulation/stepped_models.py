@@ -18,6 +18,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
 from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
+from rr1plan.playback.simulation.bounding_spheres import shrink_bounding_spheres
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.contact_points import ContactPoint, contact_points
 from rr1plan.playback.simulation.contact_proof import ContactProof
@@ -204,6 +205,7 @@ class Tile:
         worker: int = 0,
     ) -> None:
         self.world, self.worker = world, worker
+        shrink_bounding_spheres(world.model)
         self._mujoco = SteppedModel(world, columns, variation)
         # MuJoCo's threads for heaps of bodies. In a forked process it would wait for those of the first one for ever.
         self._more_threads = threads - 1 if len(world.body_names) >= _A_HEAP else 0
