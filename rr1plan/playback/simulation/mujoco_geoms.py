@@ -24,6 +24,8 @@ _HALF_PLATE = 1e-5
 _MOST_PLATES = 20_000
 # Largest number of boxes of one point cloud, which takes about twenty seconds to build.
 _MOST_BOXES = 100_000
+# MuJoCo stores vertices of meshes in single precision.
+_ROUNDING = 1e-6
 # Color of shapes without one.
 _GRAY = (0.6, 0.6, 0.6, 1.0)
 
@@ -88,6 +90,22 @@ class GeomOptions:
                 names.append(name)
             self._meshes[id(mesh)] = names
         return self._meshes[id(mesh)]
+
+
+def shrink_bounding_spheres(model: mujoco.MjModel) -> None:
+    """Make the bounding spheres of meshes enclose their vertices.
+
+    MuJoCo's enclose the bounding box, which is a quarter larger for the hull of a boat. Contacts are the same, and
+    found in less time, because fewer pairs are searched.
+
+    Args:
+        model: The model, changed in place.
+    """
+    ends = model.mesh_vertadr + model.mesh_vertnum
+    distances = (1.0 + _ROUNDING) * np.linalg.norm(model.mesh_vert.astype(np.float64), axis=1)
+    radii = np.array([distances[i:j].max() for i, j in zip(model.mesh_vertadr, ends, strict=True)])
+    meshes = model.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    model.geom_rbound[meshes] = np.minimum(model.geom_rbound[meshes], radii[model.geom_dataid[meshes]])
 
 
 def _plates(mesh: Mesh) -> Iterator[Array]:

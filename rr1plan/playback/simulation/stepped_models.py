@@ -18,11 +18,11 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
 from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
-from rr1plan.playback.simulation.bounding_spheres import shrink_bounding_spheres
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.contact_points import ContactPoint, contact_points
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.fast_bodies import FastBodies
+from rr1plan.playback.simulation.mujoco_geoms import shrink_bounding_spheres
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
 from rr1plan.playback.simulation.set_points import as_slice
 from rr1plan.thread_locks import per_process

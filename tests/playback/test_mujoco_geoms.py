@@ -1,4 +1,4 @@
-"""Bounding spheres of meshes in MuJoCo."""
+"""Bounding spheres of meshes in MuJoCo models."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.simulation.bounding_spheres import shrink_bounding_spheres
+from rr1plan.playback.simulation.mujoco_geoms import shrink_bounding_spheres
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.robot import Geometry
 from rr1plan.scene import Obstacle
