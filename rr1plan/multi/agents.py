@@ -108,11 +108,12 @@ class Agent:
         chosen = frozenset(arms)
         self.problem, self.timing = problem, timing
         self.arms = tuple(name for name in problem.arms if name in chosen)
-        configurations = problem.scene.split(problem.start, problem.arms)
-        self.start = np.concatenate([configurations[name] for name in self.arms])
+        sizes = [problem.scene.arms[name].robot.nq for name in problem.arms]
+        own = np.repeat([name in chosen for name in problem.arms], sizes)
+        self.start: Array = problem.start[own]
         self.joint_names = problem.scene.joint_names(self.arms)
         self.limits: Limits = problem.scene.limits(self.arms)
-        ends = np.cumsum([len(configurations[name]) for name in self.arms]).tolist()
+        ends = np.cumsum([problem.scene.arms[name].robot.nq for name in self.arms]).tolist()
         self.columns = {name: slice(a, b) for name, a, b in zip(self.arms, [0, *ends], ends, strict=False)}
 
     def __repr__(self) -> str:
@@ -137,6 +138,10 @@ class Agent:
         """Torques of its joints [Nm]."""
         return Kinematics(self.among({}), self.arms).inverse_dynamics
 
+    def split(self, q: Array) -> dict[str, Array]:
+        """The configuration of each of its arms: parts of q, shape (nq,)."""
+        return {name: q[columns] for name, columns in self.columns.items()}
+
     def check_limits(self, points: Array) -> None:
         """Check that the joints that move between waypoints (n, nq) have the limits that the timing needs.
 
@@ -156,8 +161,7 @@ class Agent:
         """The scene of these arms, the arms that the problem does not move, and `others` in their configurations."""
         scene, moving = self.problem.scene, set(self.problem.arms)
         still: dict[str, Array | None] = {name: None for name in scene.arms if name not in moving}
-        configurations = scene.split(self.start, self.arms)
-        return subscene(scene, {**still, **others, **{name: configurations[name] for name in self.arms}})
+        return subscene(scene, {**still, **others, **self.split(self.start)})
 
     def release(self) -> None:
         """Free the collision tables of its scene; they are rebuilt on demand."""
@@ -178,7 +182,5 @@ class Agent:
         return (self._query_among(others) if others else self._alone).with_margin(margin)
 
     def _query_among(self, others: Mapping[str, Array | None]) -> Problem:
-        scene = self.among(others)
-        start = scene.split(self.start, self.arms)
         goal = {name: self.problem.goal[name] for name in self.arms}
-        return Problem(scene, {name: start[name] for name in self.arms}, goal, arms=self.arms)
+        return Problem(self.among(others), self.split(self.start), goal, arms=self.arms)

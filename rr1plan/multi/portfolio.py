@@ -393,8 +393,7 @@ def _with_chosen_goals(task: _Task, found: Preflight, schedules: list[Schedule])
     """
     ends: dict[str, Array] = {}
     for schedule in schedules:
-        configurations = task.problem.scene.split(schedule.path.goal, schedule.arms)
-        ends |= {arm: configurations[arm] for arm in schedule.arms}
+        ends |= schedule.path.agent.split(schedule.path.goal)
     if not found.chosen or len(ends) < len(found.agents):
         return found, schedules
     aimed = with_goal(task.problem, found.agents, ends, found.choices, task.margin, task.watch)

@@ -12,7 +12,7 @@ from rr1plan.checks import check_text, finite_number, items_of, known_name, of_k
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene.scene_content import SceneContent
-from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair, posed_shapes
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, moved_arm, pair, posed_shapes
 from rr1plan.shapes import Color, HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 
@@ -72,8 +72,7 @@ class Scene(SceneContent):
             UnknownNameError: no such arm or configuration.
             InputError: numbers that do not fit the arm.
         """
-        arm = self.arm(name)
-        return replace(self, arms={**self.arms, name: Arm(arm.robot, arm.base, q)})
+        return replace(self, arms={**self.arms, name: moved_arm(self.arm(name), q)})
 
     def with_robot(self, name: str, robot: Robot) -> Scene:
         """A scene with another robot for that arm (e.g. other limits or gripper), in the same configuration.

@@ -154,9 +154,10 @@ class SceneContent(Value, NotebookView):
             self.arm(name)
         if not self.arms:
             raise InputError(_NO_ARM)
-        if not arms or len(set(arms)) != len(arms):
+        chosen = frozenset(arms)
+        if not arms or len(chosen) != len(arms):
             raise InputError(f"arms is {shown(tuple(arms))}, expected distinct names, at least one")
-        return tuple([name for name in self.arms if name in arms])
+        return tuple([name for name in self.arms if name in chosen])
 
     def joint_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
         """Column names "arm/joint" of those arms, in order."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -40,6 +41,18 @@ class Arm(Value):
         object.__setattr__(self, "robot", robot)
         object.__setattr__(self, "base", as_pose(base, "arm base"))
         object.__setattr__(self, "q", robot.configuration(q, "arm configuration"))
+
+
+def moved_arm(arm: Arm, q: str | ArrayLike) -> Arm:
+    """The arm in another configuration: its name, or numbers [rad or m], shape (nq,).
+
+    Raises:
+        UnknownNameError: no configuration of that name.
+        InputError: numbers that do not fit the arm.
+    """
+    other = copy(arm)  # its base is known to be a pose
+    object.__setattr__(other, "q", arm.robot.configuration(q, "arm configuration"))
+    return other
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rr1plan.checks import Array
-from rr1plan.scene import Arm, Scene
+from rr1plan.scene import Scene
 from rr1plan.scene.scene import with_fewer
+from rr1plan.scene.scene_elements import moved_arm
 
 
 def subscene(scene: Scene, configurations: Mapping[str, Array | None], *, obstacles: bool = True) -> Scene:
@@ -21,6 +22,6 @@ def subscene(scene: Scene, configurations: Mapping[str, Array | None], *, obstac
     for name, arm in scene.arms.items():
         if name in configurations:
             q = configurations[name]
-            arms[name] = arm if q is None else Arm(arm.robot, arm.base, q)
+            arms[name] = arm if q is None else moved_arm(arm, q)
     held = {name: thing for name, thing in scene.attachments.items() if thing.arm in arms}
     return with_fewer(scene, arms=arms, obstacles=scene.obstacles if obstacles else {}, attachments=held)

@@ -243,10 +243,8 @@ class CoupledWindows:
         agent = self._agent_of(window.arms)
         ends = self._composite(agent.arms, np.array([window.begin, window.end]))
         scene = agent.query({}, self._margin).scene
-        begin, end = (scene.split(q, agent.arms) for q in ends)
-        query = Problem(
-            scene, {arm: begin[arm] for arm in agent.arms}, {arm: end[arm] for arm in agent.arms}, arms=agent.arms
-        ).with_margin(self._margin)
+        begin, end = (agent.split(q) for q in ends)
+        query = Problem(scene, begin, end, arms=agent.arms).with_margin(self._margin)
         with checker_from_pool(scene, agent.arms, self._margin) as checker:
             # Tracks may be in contact at the end of a window, such as where one passes an arm that has arrived.
             if not (checker.edge_is_free(ends[0], ends[0]) and checker.edge_is_free(ends[1], ends[1])):
@@ -273,11 +271,7 @@ class CoupledWindows:
         shift = duration - (window.end - window.begin)
         # Joints that wrap may end with an offset of whole turns.
         turns = points[-1] - self._composite(agent.arms, np.array([window.end]))[0]
-        parts = self._problem.scene.split(track.points[0], agent.arms)
-        first = 0
-        for arm in agent.arms:
-            columns = slice(first, first + len(parts[arm]))
-            first = columns.stop
+        for arm, columns in agent.columns.items():
             old = self.tracks[arm]
             before, behind = old.times < window.begin - _SAME, old.times > window.end + _SAME
             self.tracks[arm] = Track(

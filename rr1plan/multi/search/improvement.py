@@ -243,8 +243,7 @@ class PlanImprover:
         if kind < 2:
             for other in self._in_the_way(agent):
                 path = self.plan.schedules[other].path
-                configurations = agent.problem.scene.split((path.goal, path.start)[kind], other.arms)
-                standing.update({arm: configurations[arm] for arm in other.arms})
+                standing.update(other.split((path.goal, path.start)[kind]))
         pool = PathPool(agent, self.plan.margin_of(agent), self._rng, self.plan.watch)
         path_found, _ = pool.add(standing, detour=kind == 2)
         if path_found is not None:

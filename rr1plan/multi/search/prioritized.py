@@ -114,8 +114,7 @@ class PrioritizedPlanner:
         configurations: dict[str, Array | None] = {}
         for other, q in stationary.items():
             if pool.ends_are_apart_from(other, q):
-                placed = agent.problem.scene.split(q, other.arms)
-                configurations.update({arm: placed[arm] for arm in other.arms})
+                configurations.update(other.split(q))
         by_chance = number >= 3 or not configurations
         # Paths in joint spaces of several arms differ without a random detour.
         path, _ = pool.add(configurations, detour=by_chance and len(agent.arms) == 1)
