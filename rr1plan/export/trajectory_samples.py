@@ -29,6 +29,8 @@ _ROUNDING = 1e-7
 # The referee treats peaks that differ by less than this share as equal; peaks of joints at rest [rad/s or rad/s²].
 _EQUAL, _STILL = 1e-10, 1e-6
 _ATTEMPTS = 12
+# Most regular samples; files of more take minutes to write and cannot be read again.
+_MOST_SAMPLES = 1_000_000
 # Speeds at the end below this are zero [rad/s or m/s].
 _REST = 1e-6
 
@@ -92,6 +94,11 @@ def _times(trajectory: Trajectory, dt: float) -> Array:
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > _ONE])]
     breaks = np.append(breaks[:-1], trajectory.end_time) if len(breaks) > 1 else trajectory.breaks[[0, -1]]
     regular = trajectory.sample_times(dt)
+    if len(regular) > _MOST_SAMPLES:
+        raise InputError(
+            f"dt of {dt:g} s makes {len(regular)} samples of {trajectory.duration:g} s, expected at most "
+            f"{_MOST_SAMPLES}; take a longer dt, or save as .json, which keeps the motion without samples"
+        )
     after = np.clip(np.searchsorted(breaks, regular), 1, len(breaks) - 1)
     gaps = np.minimum(np.abs(regular - breaks[after - 1]), np.abs(regular - breaks[after]))
     return np.unique(np.concatenate([breaks, regular[gaps > _NEAR * dt]]))

@@ -141,6 +141,17 @@ def test_samples_of_samples_are_the_same(scene: rp.Scene, tmp_path: Path) -> Non
     assert again.allclose(first, atol=1e-6)
 
 
+@pytest.mark.parametrize("save", [rp.save_csv, rp.save_joint_trajectory])
+def test_millions_of_samples_of_a_pause_are_refused(save: Callable[..., Path], tmp_path: Path) -> None:
+    day = rp.Trajectory.rest(["arm/x"], [0.1], duration=86400.0)
+    file = tmp_path / ("day.csv" if save is rp.save_csv else "day.yaml")
+    with pytest.raises(rp.InputError, match=r"dt of 0\.01 s makes 8640001 samples of 86400 s.*take a longer dt"):
+        save(file, day)
+    assert not file.exists()
+    load = rp.load_csv if save is rp.save_csv else rp.load_joint_trajectory
+    assert load(save(file, day, dt=100.0)).duration == 86400.0
+
+
 def test_times_are_multiples_of_a_tick(scene: rp.Scene) -> None:
     trajectory = rp.retime(corners(scene, 3), scene)
     samples = sample_within_limits(trajectory, 0.01, tick=1e-3)
