@@ -36,6 +36,12 @@ def test_friction_carries_the_block(replay: rp.SequenceReplay, moved: rp.Sequenc
     assert np.linalg.norm(block.poses[-1, :2, 3] - block.poses[0, :2, 3]) > 0.15
 
 
+def test_simulate_names_the_function_for_sequences(moved: rp.SequencePlan) -> None:
+    """In a replay of the trajectory alone, the fingers would be reported to touch the block."""
+    with pytest.raises(rp.InputError, match=r"the plan of a sequence.* call simulate_sequence\(plan\)"):
+        rp.simulate(moved, moved.scene)
+
+
 def test_long_steps_are_named_as_the_reason_for_a_loss(moved: rp.SequencePlan) -> None:
     """Servos of 0.8 / dt press with a 25th of their usual force."""
     replay = rp.simulate_sequence(moved, dt=0.02)

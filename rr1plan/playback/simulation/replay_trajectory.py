@@ -81,6 +81,9 @@ def simulate(
     dt = positive_number("dt", dt)
     record_dt = positive_number("record_dt", record_dt)
     hold = number_from_zero("hold", hold)
+    if hasattr(trajectory, "stages"):
+        # In a replay of its trajectory alone, fingers would collide with the objects that they grasp.
+        raise InputError("trajectory is the plan of a sequence, with objects to grasp; call simulate_sequence(plan)")
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("variation", variation, ArmVariation, optional=True)
