@@ -71,6 +71,15 @@ def test_a_heavy_body_that_sinks_into_a_light_one_is_named() -> None:
         assert any("'heavy' and 'light' overlap by 1" in said for said in sim.warnings) == sinks
 
 
+def test_bodies_that_begin_in_each_other_are_named_as_such() -> None:
+    """Their masses are equal, so that the advice for heavy bodies on light ones does not suffice."""
+    box = rp.Box((0.06, 0.06, 0.06))
+    scene = FLOOR.with_obstacle("low", box, [0.0, 0.0, 0.03], mass=1.0)
+    (said,) = rp.Simulation(scene.with_obstacle("high", box, [0.0, 0.0, 0.06], mass=1.0)).warnings
+    assert said.startswith("'high' and 'low' overlap by 30 mm: they began in each other")
+    assert "move them apart" in said
+
+
 def test_contacts_are_harder_in_shorter_steps() -> None:
     """A flat box from 1 m: it used to penetrate by its thickness in short steps as well, and to fall through."""
     scene = PLATE.with_obstacle("body", rp.Box((0.1, 0.1, 0.01)), [0.0, 0.0, 1.0], mass=0.1)

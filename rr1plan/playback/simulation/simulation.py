@@ -279,8 +279,8 @@ class Simulation:
         """The loose bodies that are deep in others at present, in words."""
         depths = {pair: depth for tile in self.tiles for pair, depth in tile.deep_contacts().items()}
         return tuple(
-            f"{a!r} and {b!r} overlap by {1e3 * depth:.3g} mm: contacts of heavy bodies on light ones are soft; take a "
-            "smaller time step, or masses that are closer"
+            f"{a!r} and {b!r} overlap by {1e3 * depth:.3g} mm: they began in each other, or their contact is too soft "
+            "for their masses or speeds; move them apart, or take a smaller time step or masses that are closer"
             for (a, b), depth in depths.items()
         )
 
