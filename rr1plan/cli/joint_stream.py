@@ -18,7 +18,6 @@ _SERIAL = "serial:"
 def mirror(options: Namespace, console: Console) -> int:
     """Show a stream of joint states live, and compare it with a plan."""
     scene, plan = _scene_and_plan(options, console)
-    stream = _stream(options)
     with console.progress("certifying the corridor"):
         follower = rp.Mirror(
             scene,
@@ -27,7 +26,8 @@ def mirror(options: Namespace, console: Console) -> int:
             record=options.record,
             on_event=lambda event: console.say(str(event)),
         )
-    with stream, follower:
+    # Not earlier, because messages that arrive while the corridor is computed would count as late.
+    with follower, _stream(options) as stream:
         if not options.no_page:
             announce(follower.show(options=live_options(options)), options, console, "press Ctrl-C to end")
         try:

@@ -7,11 +7,13 @@ import io
 import json
 import re
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -666,6 +668,27 @@ def test_the_topic_of_a_mirror_is_that_of_its_source(
     bag = str(rp.save_rosbag(tmp_path / "bag", rp.load_motion(motion).trajectory))
     assert run(["mirror", bag, "--topic", "/joint_states", "--plan", str(motion), "--no-page"]) == OK
     assert "always inside the certified corridor" in capsys.readouterr().out
+
+
+def test_messages_sent_before_a_mirror_is_ready_do_not_wait_for_it(
+    motion: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.bind(("127.0.0.1", 0))
+        host, port = sender.getsockname()
+    plan = rp.load_motion(motion).trajectory
+    message = {"time": 0.0, "name": plan.joint_names, "position": plan(0.0).tolist()}
+
+    class SlowMirror(rp.Mirror):
+        def __init__(self, *args: Any, **options: Any) -> None:
+            super().__init__(*args, **options)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                sender.sendto(json.dumps(message).encode(), (host, port))
+
+    monkeypatch.setattr(rp, "Mirror", SlowMirror)
+    source = [f"udp://{host}:{port}", "--silence", "0.1", "--duration", "0.05"]
+    assert run(["mirror", *source, "--plan", str(motion), "--no-page", "--json"]) == INVALID_PLAN
+    assert json.loads(capsys.readouterr().out)["messages"] == 0
 
 
 def test_a_mirror_whose_stream_fails_reports_what_came_before(
