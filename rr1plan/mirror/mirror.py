@@ -18,6 +18,7 @@ import pathlib
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from types import TracebackType
 from typing import TextIO
 
@@ -40,6 +41,8 @@ from rr1plan.trajectory import Trajectory
 # Joints outside the plan that are farther than this from their assumed values void the proof [rad or m]. Smaller
 # deviations, as of a step counter, use up distances of the corridor.
 _MOVED = 1e-3
+# The clock of the receiver was set back if a message arrives earlier than the one before by more than this [s].
+_BACK = 1.0
 
 
 class Mirror:
@@ -94,6 +97,9 @@ class Mirror:
         if self.corridor is not None and (plan is None or set(self.corridor.joint_names) != set(plan.joint_names)):
             raise InputError(f"the corridor is of other joints than the plan: {', '.join(self.corridor.joint_names)}")
         self._start = None if start is None else finite_number("start", start)
+        # The latest message that has a time of arrival, and what is added to such times [s].
+        self._arrived: StateMessage | None = None
+        self._shift = 0.0
         self._on_event = on_event
         planned = () if self.corridor is None else self.corridor.joint_names
         self._reader = MessageReader(scene, scene.joint_names(None if plan is None else plan.arms))
@@ -191,6 +197,7 @@ class Mirror:
                     # Not earlier, because the file may be the one that the stream reads at its start.
                     self._record = self._record_path.open("w", encoding="utf-8")
                 print(json.dumps(fields | {"received": item.received}), file=self._record, flush=True)
+        item = self._with_continued_arrival(item)
         now, faults = self._reader.read(item)
         for fault in faults:
             self._fault(fault)
@@ -219,6 +226,17 @@ class Mirror:
         return self._statistics.report(self._reader.unmeasured, bare)
 
     # ---- inside --------------------------------------------------------------------------
+
+    def _with_continued_arrival(self, message: StateMessage) -> StateMessage:
+        """A message whose time of arrival goes on where the receiver's clock was set back, as in joined recordings."""
+        if message.received is None:
+            return message
+        arrival, last = message.received + self._shift, self._arrived
+        if last is not None and last.received is not None and arrival < last.received - _BACK:
+            arrival = last.received + max(0.0, message.time - last.time)
+            self._shift = arrival - message.received
+        self._arrived = replace(message, received=arrival)
+        return self._arrived
 
     def _fault(self, error: StreamError) -> None:
         """Count a fault; consecutive faults of one kind are one event."""

@@ -309,6 +309,22 @@ def test_a_restart_of_the_sender_is_named_and_its_clock_goes_on(
         assert [str(event) for event in again.events] == [str(event) for event in mirror.events]
 
 
+@pytest.mark.parametrize("both", [False, True])
+def test_delays_go_on_where_the_clock_of_the_receiver_was_set_back(
+    scene: rp.Scene, plan: rp.Trajectory, both: bool
+) -> None:
+    """Recordings before and after a restart of the receiving machine, joined, or its wall clock set back."""
+    stream = messages(plan, start=1000.0)
+    k = len(stream) // 2
+    later = restarted(stream, k, gone=0.0)[k:] if both else stream[k:]
+    later = [rp.StateMessage(m.time, m.joint_names, m.positions, received=m.received - 1e5) for m in later]
+    with rp.Mirror(scene, plan) as mirror:
+        report = mirror.run([*stream[:k], *later])
+    assert report.faults == ({"order": 2, "restart": 1} if both else {})
+    assert report.rate == pytest.approx(50.0, rel=0.1)
+    assert report.delays[1] < 0.05
+
+
 def test_time_without_messages_counts_in_a_restart(scene: rp.Scene, plan: rp.Trajectory) -> None:
     stream = messages(plan)
     k = len(stream) // 2
