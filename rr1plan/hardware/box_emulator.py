@@ -205,7 +205,8 @@ class EmulatedSerialLine:
         """Some bytes of telemetry.
 
         Raises:
-            InputError: not a whole number from 0 on, or far too many.
+            InputError: not a whole number from 0 on, or far too many; or the box has received, and dropped, a command
+                with steps for a channel that is not in use.
         """
         size = whole_number("size", size, 0, _MOST_BYTES)
         while len(self._output) < size:
@@ -232,14 +233,15 @@ class EmulatedSerialLine:
         if len(self._input) < COMMAND_BYTES:
             return
         # Only a frame at the beginning is accepted; the rest is dropped.
-        if self._input.startswith(HEADER):
+        frame = bytes(self._input[:COMMAND_BYTES])
+        self._input.clear()
+        if frame.startswith(HEADER):
             try:
-                command = BoxCommand.decode(bytes(self._input[:COMMAND_BYTES]))
+                command = BoxCommand.decode(frame)
             except InputError:  # another safety level: no joint moves
                 self.emulator.forget_stretching()
             else:
                 self.emulator.command(command)
-        self._input.clear()
 
     def telemetry(self) -> Telemetry:
         """The telemetry frame that the box would send now."""

@@ -250,6 +250,16 @@ def test_an_arm_at_a_limit_switch_gets_nothing(
     assert box.received == b""
 
 
+def test_a_command_for_a_channel_that_is_not_in_use_does_not_hold_up_the_next_one(box: rp.ControlBox) -> None:
+    line = rp.EmulatedSerialLine(rp.ControlBox({"S1": box.channels["S1"]}, box.tick))
+    line.write(rp.BoxCommand((0, 0, 0, 0, 0, 0, 100)).encode())
+    with pytest.raises(rp.InputError, match="steps for G, which is not in use"):
+        line.read(FRAME)
+    line.write(rp.BoxCommand((100, 0, 0, 0, 0, 0, 0)).encode())
+    frames = [rp.Telemetry.decode(line.read(FRAME)) for _ in range(300)]
+    assert frames[-1].position[0] == 100
+
+
 def test_a_switch_that_is_passed_between_two_frames_is_reported_once(box: rp.ControlBox) -> None:
     line = rp.EmulatedSerialLine(box, switches={"G A": (40, 40)})
     line.write(rp.BoxCommand((0, 0, 0, 0, 0, 0, 300)).encode())
