@@ -280,7 +280,8 @@ class Simulation:
         depths = {pair: depth for tile in self.tiles for pair, depth in tile.deep_contacts().items()}
         return tuple(
             f"{a!r} and {b!r} overlap by {1e3 * depth:.3g} mm: they began in each other, or their contact is too soft "
-            "for their masses or speeds; move them apart, or take a smaller time step or masses that are closer"
+            "for the mass, speed or force of one; move them apart, or take a smaller time step, masses that are "
+            "closer, or a weaker grasp"
             for (a, b), depth in depths.items()
         )
 
