@@ -220,6 +220,17 @@ def test_self_collision_and_two_of_six_joints_are_shown(rr1_table: rp.Scene) -> 
         assert checker.is_free(q) == (not any(m[i, j] for n, m in grid.layers.items() if n != LIMITS))
 
 
+def test_a_configuration_of_all_joints_is_no_place_in_a_slice(rr1_table: rp.Scene) -> None:
+    """It used to count as not free, and as a start without a path."""
+    grid = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=16).grid
+    home = rr1_table.configuration()
+    assert grid.component_of(home[[0, 2]]) > 0
+    with pytest.raises(rp.InputError, match=r"q has shape \(6,\), expected \(2,\)"):
+        grid.component_of(home)
+    with pytest.raises(rp.InputError, match=r"q has shape \(6,\), expected \(2,\)"):
+        grid.shortest_path(home, home)
+
+
 def test_patterns_differ_and_leave_most_of_the_color() -> None:
     inked = [pattern_cells(k, (120, 120)) for k in range(len(HATCHES))]
     assert not inked[0].any()

@@ -115,9 +115,13 @@ class CSpaceGrid(Value):
 
         Args:
             q: Values of the two joints [rad or m], shape (2,).
+
+        Raises:
+            InputError: not two finite numbers.
         """
+        pair = finite_array("q", q, (2,))
         try:
-            self.cell(q)
+            self.cell(pair)
         except InputError:
             return False
         return True
@@ -127,6 +131,9 @@ class CSpaceGrid(Value):
 
         Args:
             q: Values of the two joints [rad or m], shape (2,).
+
+        Raises:
+            InputError: not two finite numbers.
         """
         return int(self.labels[self.cell(q)]) if self.holds(q) else 0
 
@@ -136,6 +143,9 @@ class CSpaceGrid(Value):
         Args:
             a: Values of the two joints [rad or m], shape (2,).
             b: Other values.
+
+        Raises:
+            InputError: not two finite numbers.
         """
         first, second = self.component_of(a), self.component_of(b)
         return first > 0 and first == second
@@ -149,6 +159,9 @@ class CSpaceGrid(Value):
 
         Returns:
             Cell centers from the cell of a to that of b [rad or m], shape (k, 2), or None if there is no path.
+
+        Raises:
+            InputError: not two finite numbers.
         """
         if not self.connected(a, b):
             return None
