@@ -77,6 +77,17 @@ def test_a_file_is_emptied_only_when_states_follow(sim: rp.Simulation, tmp_path:
     assert [json.loads(line)["name"] for line in file.read_text().splitlines()] == [ARM] * 5
 
 
+def test_states_after_a_reset_have_the_times_of_the_first_run(sim: rp.Simulation) -> None:
+    times: list[float] = []
+    with rp.JointStateBroadcaster(ARM, lambda state: times.append(state.time), rate=100.0) as broadcaster:
+        broadcaster.attach(sim)
+        sim.run(duration=0.1)
+        first = times.copy()
+        sim.reset()
+        sim.run(duration=0.1)
+    assert times == first * 2
+
+
 def test_a_file_that_cannot_be_written_is_named(sim: rp.Simulation, tmp_path: Path) -> None:
     broadcaster = rp.JointStateBroadcaster(ARM, tmp_path / "gone" / "states.jsonl")
     with pytest.raises(rp.InputError, match=r"cannot write .*states\.jsonl: No such file"):

@@ -127,7 +127,7 @@ class JointStateBroadcaster:
 
     def _publish(self, sim: Simulation) -> None:
         if sim.time < self._next - 1.0 / self.rate - sim.dt:  # the simulation was reset
-            self._next = sim.time + 1.0 / self.rate
+            self._next = 1.0 / self.rate
         if sim.time >= self._next - 0.5 * sim.dt:
             self._next += 1.0 / self.rate
             assert self._send is not None
