@@ -205,7 +205,7 @@ def _ros_names(trajectory: Trajectory, rename: Mapping[str, str] | None) -> list
         if not name:
             raise InputError(f"the ROS name of {column!r} is empty, expected a name")
     alone = len(trajectory.arms) == 1
-    default = {n: n.split("/", 1)[1] if alone else n.replace("/", "_") for n in trajectory.joint_names}
+    default = {n: n.split("/", 1)[-1] if alone else n.replace("/", "_") for n in trajectory.joint_names}
     names = list({**default, **(rename or {})}.values())
     if len(set(names)) != len(names):
         raise InputError(f"the ROS names {names} are not distinct")

@@ -52,6 +52,13 @@ def test_a_yaml_message_is_read_alone_or_in_what_holds_it(tmp_path: Path, wrap) 
     np.testing.assert_allclose(read(0.75), [0.25, 1.5])
 
 
+def test_a_motion_of_one_joint_without_an_arm_is_written_as_it_was_read(tmp_path: Path) -> None:
+    axis = rp.Trajectory.from_samples(["rail"], [0.0, 1.0], [[0.0], [0.3]], [[0.0], [0.0]])
+    read = rp.load_joint_trajectory(rp.save_joint_trajectory(tmp_path / "rail.yaml", axis))
+    assert read.joint_names == ("rail",)
+    assert read.duration == axis.duration
+
+
 @pytest.mark.parametrize(("carried", "degree"), [(("velocities",), 3), (("velocities", "accelerations"), 5)])
 def test_what_points_carry_decides_what_lies_between_them(
     tmp_path: Path, carried: tuple[str, ...], degree: int
