@@ -131,7 +131,8 @@ def save_joint_trajectory(
     """Write a `trajectory_msgs/JointTrajectory` as YAML for `ros2 topic pub`.
 
     To publish it: `ros2 topic pub --once /arm_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory
-    "$(cat motion.yaml)"`.
+    "$(cat motion.yaml)"`. On Linux an argument has at most 128 kB, 4 s of six joints with the default `dt`; for larger
+    files use `--yaml-file motion.yaml` (ROS Kilted and later) or a longer `dt`.
 
     Args:
         file: The file, .yaml or .yml.
