@@ -152,6 +152,7 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
     turning = np.concatenate([rotary(scene.arms[arm].robot) for arm in checker.arms])
     pairs = tuple(checker.pairs[owner] for owner in checker.solid_owner)
     now, step = trajectory.start_time, _LONGEST
+    moves = np.asarray(trajectory.coefficients[:, 1:].any(axis=(1, 2)))
     times: list[float] = []
     configurations: list[Array] = []
     distances: list[Array] = []
@@ -171,6 +172,10 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
         distances.append(clearances)
         if now >= trajectory.end_time:
             break
+        piece = int(np.searchsorted(trajectory.breaks, now, side="right")) - 1
+        if not moves[piece] and trajectory.breaks[piece + 1] > now + _LONGEST:  # a pause needs one sample
+            now = float(trajectory.breaks[piece + 1])
+            continue
         step = min(2.0 * step, _LONGEST)
         while step > _SHORTEST:
             ahead = np.abs(trajectory(min(now + step, trajectory.end_time))[columns] - q)

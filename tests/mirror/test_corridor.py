@@ -76,6 +76,22 @@ def test_the_motion_itself_is_inside_and_names_come_with_a_place() -> None:
     assert (tube.free_change() > 0.0).all()
 
 
+def test_a_pause_of_an_hour_takes_no_more_samples_than_a_short_one() -> None:
+    """It used to take one every 50 ms, which was refused as too much memory."""
+    scene = rp.load_scene("rr1_table")
+    home = scene.configuration()
+    q = np.array([home, home + 0.1, home + 0.1, home])
+    short, hour = (
+        rp.certified_corridor(
+            scene, rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0, 1.0 + pause, 2.0 + pause], q, 0.0 * q)
+        )
+        for pause in (0.1, 3600.0)
+    )
+    assert len(hour.times) == len(short.times)
+    assert hour.times[-1] == 3602.0
+    np.testing.assert_allclose(hour.distances, short.distances, atol=1e-9)
+
+
 def test_a_whole_turn_is_no_deviation(planar2r: rp.Robot) -> None:
     scene = rp.Scene().with_arm("arm", planar2r).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0.4, -0.4, 0.0])
     motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [[0.0, 0.5], [1.0, 0.5]])
