@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, file_path
-from rr1plan.errors import FormatError
+from rr1plan.checks import Array, file_path, near_array
+from rr1plan.errors import FormatError, InputError
 from rr1plan.files.file_access import MAX_BYTES, read_bytes
 from rr1plan.files.npy_files import parse_array
 from rr1plan.shapes import PointCloud
@@ -53,8 +53,8 @@ def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointClou
         resolution: Side of the cubes that the points become [m].
 
     Raises:
-        FormatError: not there, another kind of file, or no points.
-        InputError: a resolution that is not positive, or points that are too far away.
+        FormatError: not there, another kind of file, no points, or points that are not finite or too far away.
+        InputError: a resolution that is not positive.
     """
     cloud = PointCloud(read_points(file), resolution)
     warn_of_millimeters(str(file), "scan", [cloud.points])
@@ -67,7 +67,7 @@ def read_points(file: str | Path) -> Array:
     Rows of NaN in a .ply or .pcd file are rays without a hit, and are omitted.
 
     Raises:
-        FormatError: not there, another kind of file, or not points.
+        FormatError: not there, another kind of file, or not points, finite and near.
     """
     file = file_path(file)
     suffix = file.suffix.lower()
@@ -85,7 +85,10 @@ def read_points(file: str | Path) -> Array:
         points = _without_nan(points, file)
     if not len(points):
         raise FormatError("has no point", file)
-    return np.asarray(points, dtype=np.float64)
+    try:
+        return near_array("point cloud", points, (None, 3))
+    except InputError as error:
+        raise FormatError(str(error), file) from error
 
 
 def _without_nan(points: Any, file: Path) -> Any:

@@ -191,6 +191,19 @@ def test_a_point_at_infinity_is_refused(tmp_path: Path) -> None:
         rp.load_point_cloud(tmp_path / "a.pcd")
 
 
+@pytest.mark.parametrize(("value", "message"), [(np.nan, r"\[1, 2\] is nan"), (2e4, "holds 20000, expected at most")])
+@pytest.mark.parametrize("name", ["scan.npy", "scan.txt"])
+def test_a_file_with_a_point_that_is_nowhere_is_named(tmp_path: Path, name: str, value: float, message: str) -> None:
+    points = POINTS.copy()
+    points[1, 2] = value
+    (np.save if name.endswith("npy") else np.savetxt)(tmp_path / name, points)
+    (tmp_path / "cell.toml").write_text(f'[obstacles.scan]\npoints = "{name}"\n')
+    with pytest.raises(rp.FormatError, match=rf"{name}: point cloud.*{message}"):
+        rp.load_point_cloud(tmp_path / name)
+    with pytest.raises(rp.FormatError, match=rf"{name}: point cloud.*{message}"):
+        rp.load_scene(tmp_path / "cell.toml")
+
+
 def damaged(data: bytes) -> bytes:
     """The file with a back-reference to before its first byte."""
     head, body = data.split(b"compressed\n")
