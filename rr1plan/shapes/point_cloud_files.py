@@ -12,7 +12,7 @@ import numpy as np
 
 from rr1plan.checks import Array, file_path, near_array
 from rr1plan.errors import FormatError, InputError
-from rr1plan.files.file_access import MAX_BYTES, read_bytes
+from rr1plan.files.file_access import MAX_BYTES, read_bytes, read_text
 from rr1plan.files.npy_files import parse_array
 from rr1plan.shapes import PointCloud
 from rr1plan.shapes.mesh_files import warn_of_millimeters
@@ -21,6 +21,7 @@ log = logging.getLogger(__name__)
 
 _MAX_HEADER = 100_000  # [bytes]
 _MAX_COLUMNS = 1000
+_TEXT = (".csv", ".xyz", ".txt")
 _PCD_TYPES = {(kind.upper(), size): f"<{kind}{size}" for kind in "iuf" for size in "1248" if kind != "f" or size > "2"}
 _PLY_TYPES = {
     "char": "i1",
@@ -71,11 +72,13 @@ def read_points(file: str | Path) -> Array:
     """
     file = file_path(file)
     suffix = file.suffix.lower()
-    if suffix not in _READERS:
-        raise FormatError(f"points cannot be read from {file.suffix!r}, expected one of {', '.join(_READERS)}", file)
-    data = read_bytes(file)
+    known = (*_READERS, *_TEXT)
+    if suffix not in known:
+        raise FormatError(f"points cannot be read from {file.suffix!r}, expected one of {', '.join(known)}", file)
     try:
-        points = _READERS[suffix](data)
+        points = _from_text(read_text(file, strict=False)) if suffix in _TEXT else _READERS[suffix](read_bytes(file))
+    except FormatError:
+        raise
     except (ValueError, LookupError, OverflowError, MemoryError) as error:
         what = f"it has no {error}" if isinstance(error, LookupError) else error
         raise FormatError(f"is not a list of points: {what}", file) from error
@@ -98,8 +101,8 @@ def _without_nan(points: Any, file: Path) -> Any:
     return points[kept]
 
 
-def _from_text(data: bytes) -> Any:
-    rows = [line.replace(",", " ").split() for line in data.decode("utf-8-sig", "replace").splitlines()]
+def _from_text(text: str) -> Any:
+    rows = [line.replace(",", " ").split() for line in text.splitlines()]
     rows = [row for row in rows if row and not row[0].startswith("#") and row != ["x", "y", "z"]]
     for row in rows:
         if len(row) != 3:
@@ -240,7 +243,4 @@ _READERS: dict[str, Callable[[bytes], Any]] = {
     ".npy": parse_array,
     ".ply": _from_ply,
     ".pcd": _from_pcd,
-    ".csv": _from_text,
-    ".xyz": _from_text,
-    ".txt": _from_text,
 }

@@ -261,6 +261,7 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
     ),
     "a pickle": ("a.npy", pickle.dumps([1, 2, 3]), "not a list"),
     "a suffix": ("a.las", b"", "expected one of"),
+    "UTF-16": ("a.csv", "1 2 3\n".encode("utf-16"), "is UTF-16, not UTF-8 text: save it as UTF-8"),
 }
 
 
