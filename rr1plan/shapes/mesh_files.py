@@ -187,13 +187,19 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
     import trimesh
 
     buffers = external_buffers(data, file) if file.suffix.lower() in GLTF else None
-    data = _regular_obj(data, file) if kind == "obj" else data
+    data = _regular_obj(data, file) if kind == "obj" else _regular_ply(data) if kind == "ply" else data
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
         return meshes if buffers is None else [_Triangles(m.vertices @ Z_UP.T, m.faces, m.visual) for m in meshes]
     except Exception as error:  # trimesh's parsers raise many types of errors
         raise FormatError(f"cannot be read as {kind.upper()}: {reason_of(error)}", file) from error
+
+
+def _regular_ply(data: bytes) -> bytes:
+    """The PLY with a header in ASCII; trimesh refuses comments in other encodings than UTF-8."""
+    end = max(data.find(b"end_header"), 0)
+    return data[:end].decode("ascii", "replace").encode("ascii", "replace") + data[end:]
 
 
 def _regular_obj(data: bytes, file: Path) -> bytes:

@@ -227,6 +227,14 @@ def test_an_obj_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, bloc
         read_mesh(tmp_path / "a.obj")
 
 
+@pytest.mark.parametrize("coding", ["ascii", "binary"])
+def test_a_comment_of_a_ply_in_any_encoding_does_not_matter(tmp_path: Path, block: Mesh, coding: str) -> None:
+    head, body = ply(block, coding).split(b"element vertex")
+    (tmp_path / "a.ply").write_bytes(head + "comment Größe\nelement vertex".encode("latin-1") + body)
+    (part,) = read_mesh(tmp_path / "a.ply")
+    assert len(part.mesh.faces) == 12
+
+
 @pytest.mark.parametrize("corner", [-1, 8])
 def test_a_ply_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, block: Mesh, corner: int) -> None:
     faces = block.faces.copy()
