@@ -196,7 +196,9 @@ class Table:
         return FormatError(where + message, self.file, line_of(self.text, place))
 
     def check_there(self, file: Path, key: str) -> None:
-        """Reject the name of a missing file, with the line that gives it."""
+        """Reject the name of a missing file or of a folder, with the line that gives it."""
+        if file.is_dir():
+            raise self.error(f"is a folder, expected a file: {file}", key)
         if not os.path.lexists(file):
             slashes = "; a slash separates folders, not a backslash" if "\\" in str(file) else ""
             raise self.error(f"there is no such file: {file}{slashes}", key)

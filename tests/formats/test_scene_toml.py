@@ -364,6 +364,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
             "scene.toml:2: obstacles.a.points.file: there is no such file: gone.npy",
         ),
         ("[obstacles.a]\nmesh = 'gone.stl'\n", "scene.toml:2: obstacles.a.mesh"),
+        ("[obstacles.a]\nmesh = '.'\n", "scene.toml:2: obstacles.a.mesh.file: is a folder, expected a file"),
         ("[arms.a]\nrobot = 'gone.urdf'\n", "scene.toml:2: arms.a.robot: there is no such file: gone.urdf"),
         (SIMPLE + "[arms.b]\nbase = [0, 0, 1]\nrobot = 'planar2r'\n", "'base'. Did you mean 'xyz'"),
         (SIMPLE + "limits = { velocity = 4 }\n", "limits.velocity: expected a list of 2 numbers, one for each joint"),
