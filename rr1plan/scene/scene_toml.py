@@ -314,14 +314,16 @@ def _with_locked_joints(robot: Robot, entry: Table) -> Robot:
 
 def _with_objects(scene: Scene, top: Table, folder: Path) -> Scene:
     obstacles, attachments = top.table("obstacles"), top.table("attachments")
+    read: dict[str, Obstacle] = {}
     for name in obstacles.names():
         entry = obstacles.table(name)
         geometries, where = read_geometries(entry, name, folder), read_pose(entry)
         mass, friction = _read_body(entry)
         entry.finish()
         with entry.blame():
-            obstacle = Obstacle(geometries, where, mass, friction)
-            scene = replace(scene, obstacles={**scene.obstacles, name: obstacle})
+            read[name] = Obstacle(geometries, where, mass, friction)
+            replace(scene, obstacles={name: read[name]})  # its name, among those of the arms
+    scene = scene.with_obstacles(read)
     for name in attachments.names():
         entry = attachments.table(name)
         with entry.blame():

@@ -370,7 +370,10 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "limits = { velocity = 4 }\n", "limits.velocity: expected a list of 2 numbers, one for each joint"),
         ("[obstacles.a]\npoints = { points = [] }\n", "expected (any, 3)"),
         ("[obstacles.a]\nmesh = { vertices = [[0, 0, 0]], faces = [[0, 1, 2.5]] }\n", "expected whole numbers"),
-        ("[obstacles.arm]\nsphere = 1\n" + SIMPLE, "two elements named 'arm'"),
+        (
+            "[obstacles.arm]\nsphere = 1\n" + SIMPLE,
+            "scene.toml:1: obstacles.arm: the scene has two elements named 'arm'",
+        ),
         (SIMPLE + "[attachments.tool]\nsphere = 0.1\nlink = 'hand'\n", "unknown link 'hand'"),
         ("[attachments.tool]\nsphere = 0.1\n", "the scene has no arm"),
         ("allowed = [['arm', 'box']]\n" + SIMPLE, "unknown element 'box'"),
