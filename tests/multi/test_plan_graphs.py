@@ -294,7 +294,7 @@ def test_mujoco_sees_no_contact_in_a_delayed_execution(ring: Plan) -> None:
         ({"slowdown": 1e300}, "slowdown is 1e\\+300, expected a number up to 1e\\+06"),
         ({"start": 1e9}, "start is 1000000000.0, expected a number up to 1e\\+06"),
         ({"pauses": [(0.1, 1e9)]}, "duration of a pause is 1000000000.0"),
-        ({"pauses": [(1.0,)]}, "a pause has 1 numbers"),
+        ({"pauses": [(1.0,)]}, "a pause has 1 number, expected"),
         ({"pauses": 3.0}, "expected a list of pairs"),
     ],
 )

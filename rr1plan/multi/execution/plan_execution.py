@@ -13,7 +13,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
 
-from rr1plan.checks import Value, items_of, known_name, number_from_zero, of_kind, shown
+from rr1plan.checks import Value, counted, items_of, known_name, number_from_zero, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route_motion import RouteMotion, slower
 from rr1plan.multi.execution.running_plan import LATEST
@@ -55,7 +55,7 @@ class ArmDelay(Value):
         for pair in items_of("pauses", self.pauses, "pairs of a time and a duration"):
             both = items_of("a pause", pair, "a time and a duration")
             if len(both) != 2:
-                raise InputError(f"a pause has {len(both)} numbers, expected a time and a duration")
+                raise InputError(f"a pause has {counted(len(both), 'number')}, expected a time and a duration")
             pairs.append((_time("time of a pause", both[0]), _time("duration of a pause", both[1])))
         object.__setattr__(self, "pauses", tuple(sorted(pairs)))
 
