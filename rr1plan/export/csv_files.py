@@ -121,7 +121,9 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
     for quantity, where in (("velocities", columns[1]), ("accelerations", columns[2])):
         if where and set(where) != set(names):
             odd = sorted(set(where) ^ set(names))
-            raise FormatError(f"has {quantity} for other joints than positions: {', '.join(odd)}", file, 1)
+            raise FormatError(
+                f"has positions or {quantity} alone for {', '.join(odd)}, expected both for each joint", file, 1
+            )
     return times[0], names, columns
 
 
