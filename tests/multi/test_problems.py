@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from pathlib import Path
 
@@ -155,7 +156,7 @@ def test_a_tool_that_cannot_reach_its_place_is_named(planar2r: rp.Robot, monkeyp
     monkeypatch.setattr(
         endpoint_sampling, "solve_ik", lambda *given, **named: starts.append(1) or solve(*given, **named)
     )
-    for make in (shelf_rows, shared_bin, handover_window):
+    for make in (shelf_rows, shared_bin, handover_window, partial(reach_grid, count=4, spacing=2.0)):
         with pytest.raises(
             InputError, match=r"the tool 'tool' of 'planar2r' reaches none of .* points from .* to .* m"
         ):

@@ -23,6 +23,7 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
     ToolBox,
     check_fixed_links,
     check_position_limits,
+    check_reach,
     floor_under,
     front_of,
     horizontal_reach,
@@ -77,7 +78,8 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
         rng: As in `random_grid`.
 
     Raises:
-        InputError: numbers out of range, or so narrow a grid that no free configurations are found.
+        InputError: numbers out of range, a robot that does not reach these points, or so narrow a grid that no free
+            configurations are found.
     """
     scene = _grid(robot, count, positive_number("spacing", spacing))
     generator = as_generator(rng)
@@ -91,7 +93,9 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
         ahead = front_of(arm.robot)
         turn = pose((0.0, 0.0, 0.0), rpy=(0.0, 0.0, math.atan2(ahead[1], ahead[0])))
         low, high = (0.25 * far, -0.4 * far, min(0.05, 0.25 * far)), (0.8 * far, 0.4 * far, 0.5 * far)
-        draws[name] = tool_in_box(scene, name, ToolBox(arm.base @ turn, low, high))
+        box = ToolBox(arm.base @ turn, low, high)
+        draws[name] = tool_in_box(scene, name, box)
+        check_reach(arm.robot, box, draws[name])
     start = sample_configurations(scene, generator, draws)
     return problem_between(scene, start, sample_configurations(scene, generator, draws), generator, draws)
 
