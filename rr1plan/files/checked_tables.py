@@ -251,8 +251,12 @@ def line_of(text: str, place: tuple[str, ...]) -> int | None:
         body = body[: following.start()] if following else body
         inner = re.search(rf"^\s*{_key_pattern(place[depth])}\s*[.=]", body, re.MULTILINE)
         return start if inner is None else start + body.count("\n", 0, inner.start(0) + len(inner[0]))
-    top = re.search(rf"^\s*\[*\s*{_key_pattern(place[0])}\s*[.=]", text, re.MULTILINE) if place else None
-    return None if top is None else text.count("\n", 0, top.end()) + 1
+    for depth in range(len(place), 0, -1):  # keys with dots outside of tables
+        keys = r"\s*\.\s*".join(_key_pattern(part) for part in place[:depth])
+        found = re.search(rf"^\s*\[*\s*{keys}\s*[.=]", text, re.MULTILINE)
+        if found is not None:
+            return text.count("\n", 0, found.end()) + 1
+    return None
 
 
 def _nth_header(text: str, header: str, last: str) -> re.Match[str] | None:

@@ -348,6 +348,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         ("[obstacles.a]\nbox = [1, 1, -1]\n", "scene.toml:2: obstacles.a.box: box size is -1.0"),
         ("[obstacles.a]\nbox = [1, 1, inf]\n", "box[2] is inf"),
         ("[obstacles.a]\nsphere = 0\n", "sphere radius is 0.0"),
+        ("obstacles.b.sphere = 1\nobstacles.a.sphere = 0\n", "scene.toml:2: obstacles.a.sphere: sphere radius is 0.0"),
         ("[obstacles.a]\ncylinder = { radius = 1 }\n", "obstacles.a.cylinder: has no 'length'"),
         ("[obstacles.a]\ncylinder = { radius = 1, length = 1, r = 2 }\n", "unknown key 'r'"),
         ("[obstacles.a]\nhalf_space = { normal = [0, 0, 0] }\n", "length zero"),
