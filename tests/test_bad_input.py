@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,16 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "allow_itself": (lambda s: s.allow("arm", "arm"), rp.InputError, "twice"),
     "limits_none": (lambda s: s.arms["arm"].robot.with_limits(None), rp.InputError, "preset"),
     "limits_text": (lambda s: rp.Limits(["a"], [1], [1], [1], [1], [1]), rp.InputError, "lower"),
+    "limits_short": (
+        lambda s: replace(s.arms["arm"].robot.limits, jerk=[5.0]),
+        rp.InputError,
+        "jerk has 1 number, expected 2, as lower has",
+    ),
+    "limits_scalar": (
+        lambda s: replace(s.arms["arm"].robot.limits, jerk=5.0),
+        rp.InputError,
+        "jerk is 5.0, expected a list of numbers",
+    ),
     "validate_path": (
         lambda s: rp.validate(rp.Path(s.joint_names(), [[0, 0]]), s),
         rp.InputError,

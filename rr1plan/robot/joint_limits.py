@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, items_of, number_array, of_kind, positive_number, read_only, shown
+from rr1plan.checks import Array, Value, counted, items_of, number_array, of_kind, positive_number, read_only, shown
 from rr1plan.errors import InputError
 
 WIDEST = 8.0 * np.pi
@@ -55,9 +55,11 @@ class Limits(Value):
         n = None
         for name in ("lower", "upper", *_POSITIVE):
             array = number_array(f"limits: {name}", getattr(self, name))
-            n = array.shape if n is None else n
-            if array.ndim != 1 or array.shape != n or np.isnan(array).any():
-                raise InputError(f"limits: {name} is {shown(array)}, expected {n} numbers without NaN")
+            if array.ndim != 1 or np.isnan(array).any():
+                raise InputError(f"limits: {name} is {shown(array.tolist())}, expected a list of numbers without NaN")
+            n = len(array) if n is None else n
+            if len(array) != n:
+                raise InputError(f"limits: {name} has {counted(len(array), 'number')}, expected {n}, as lower has")
             object.__setattr__(self, name, read_only(array))
         if (self.lower > self.upper).any():
             j = int(np.argmax(self.lower > self.upper))
