@@ -162,8 +162,9 @@ def _refuse_to_replace(path: Path) -> None:
 
 def _not_written(path: Path, error: OSError) -> InputError:
     """The error for a file that cannot be written."""
-    missing = error.errno == errno.ENOENT and not resolved_path(path).parent.exists()
-    return InputError(f"cannot write {path}: {f'there is no folder {path.parent}' if missing else error.strerror}")
+    folders = (path.parent, resolved_path(path).parent)  # of a symbolic link that of its target, too
+    missing = [folder for folder in folders if error.errno == errno.ENOENT and not folder.exists()]
+    return InputError(f"cannot write {path}: {f'there is no folder {missing[0]}' if missing else error.strerror}")
 
 
 def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
