@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, file_path, near_array
+from rr1plan.checks import Array, file_path, near_array, number_in
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.file_access import MAX_BYTES, read_bytes, read_text
 from rr1plan.files.npy_files import parse_array
@@ -102,12 +102,18 @@ def _without_nan(points: Any, file: Path) -> Any:
 
 
 def _from_text(text: str) -> Any:
-    rows = [line.replace(",", " ").split() for line in text.splitlines()]
-    rows = [row for row in rows if row and not row[0].startswith("#") and row != ["x", "y", "z"]]
-    for row in rows:
-        if len(row) != 3:
-            raise ValueError(f"expected three numbers in each line, got {' '.join(row)!r}")
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+    points: list[list[float]] = []
+    for number, line in enumerate(text.replace('"', " ").replace(",", " ").lower().splitlines(), 1):
+        words = line.split()
+        if not words or words[0].startswith("#") or words == ["x", "y", "z"]:
+            continue
+        if len(words) != 3:
+            raise ValueError(f"line {number}: expected three numbers, got {' '.join(words)!r}")
+        try:
+            points.append([number_in(word) for word in words])
+        except ValueError as error:
+            raise ValueError(f"line {number}: {error}") from error
+    return np.array(points).reshape(-1, 3)
 
 
 def _from_ply(data: bytes) -> Any:

@@ -154,6 +154,8 @@ def test_a_mark_a_header_and_comments_in_any_encoding_are_no_points(tmp_path: Pa
     scan = tmp_path / "scan.csv"
     scan.write_bytes("\ufeffx,y,z\n1,2,3\n".encode() + "# Größe\n4,5,6\n".encode("latin-1"))
     assert read_points(scan).tolist() == [[1, 2, 3], [4, 5, 6]]
+    scan.write_text('"X","Y","Z"\n"1","2","3E0"\n')
+    assert read_points(scan).tolist() == [[1, 2, 3]]
     cloud = tmp_path / "cloud.pcd"
     cloud.write_bytes("# Größe\n".encode("latin-1") + pcd("binary"))
     np.testing.assert_array_equal(read_points(cloud), POINTS)
@@ -260,6 +262,9 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
         "not a list of points: damaged",
     ),
     "a pickle": ("a.npy", pickle.dumps([1, 2, 3]), "not a list"),
+    "a line of words": ("a.csv", b"x,y,z\n1,2,3\n\n4,5,six\n", "line 4: 'six' is not a number"),
+    "a line of colors": ("a.xyz", b"1 2 3\n1 2 3 255 0 0\n", "line 2: expected three numbers, got '1 2 3 255 0 0'"),
+    "a slip between digits": ("a.xyz", b"1_0 2 3\n", "line 1: '1_0' is not a number"),
     "a suffix": ("a.las", b"", "expected one of"),
     "UTF-16": ("a.csv", "1 2 3\n".encode("utf-16"), "is UTF-16, not UTF-8 text: save it as UTF-8"),
 }
