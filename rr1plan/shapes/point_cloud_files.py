@@ -140,7 +140,8 @@ def _from_ply(data: bytes) -> Any:
     if not elements or elements[0][0] != "vertex" or "" in elements[0][3]:
         raise ValueError("its first element is not a vertex of numbers")
     _, count, names, formats = elements[0]
-    return _columns(body, formats, [names.index(axis) for axis in "xyz"], count, text=not order)
+    places = {name: i for i, name in enumerate(names)}
+    return _columns(body, formats, [places[axis] for axis in "xyz"], count, text=not order)
 
 
 def _from_pcd(data: bytes) -> Any:

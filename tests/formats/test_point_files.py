@@ -262,6 +262,7 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
         "not a list of points: damaged",
     ),
     "a pickle": ("a.npy", pickle.dumps([1, 2, 3]), "not a list"),
+    "ply without x": ("a.ply", ply("ascii").replace(b"float x", b"float X"), "it has no 'x'"),
     "a line of words": ("a.csv", b"x,y,z\n1,2,3\n\n4,5,six\n", "line 4: 'six' is not a number"),
     "a line of colors": ("a.xyz", b"1 2 3\n1 2 3 255 0 0\n", "line 2: expected three numbers, got '1 2 3 255 0 0'"),
     "a slip between digits": ("a.xyz", b"1_0 2 3\n", "line 1: '1_0' is not a number"),
