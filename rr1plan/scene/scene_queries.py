@@ -30,7 +30,7 @@ def read_queries(queries: Table, scene: Scene) -> dict[str, Problem]:
 def read_query(entry: Table, scene: Scene) -> Problem:
     """One problem."""
     for key in ("goal", "start"):
-        value = entry.raw(key)
+        value = entry.entries.get(key)  # not as read: beside `goals`, `start` has no effect
         if isinstance(value, dict) and not scene.arms.keys().isdisjoint(value):
             raise entry.error(f"names arms; with several arms the key is '{key}s'", key)
     if entry.one_of({"goal": None, "goals": None}) == "goal":

@@ -390,6 +390,10 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "[queries.q]\ngoal = { arm = 'home' }\n", "q.goal: names arms; with several arms the key is 'goals'"),
         (SIMPLE + "[queries.q]\ngoals = { arm = 'home' }\nstart = { arm = 'home' }\n", "the key is 'starts'"),
         (SIMPLE + "[queries.q]\ngoals = { other = 'home' }\n", "unknown arm 'other'"),
+        (
+            SIMPLE + "[queries.q]\nstart = [1, 1]\ngoals = { arm = 'home' }\n",
+            "q.start: unknown key 'start'. Did you mean 'starts'",
+        ),
     ],
 )
 def test_a_wrong_file_is_refused_with_its_place(tmp_path: Path, text: str, message: str) -> None:
