@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rr1plan.checks import shown
 from rr1plan.files.checked_tables import Table, check_numbers, is_number
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, RegionGoal
@@ -78,7 +79,7 @@ def read_goal(entry: Table, key: str, frame: str = "tool") -> Any:
         FormatError: the key is missing, or its value is not a goal.
     """
     value = entry.required(key)
-    if isinstance(value, list) and value and not all(is_number(v) for v in value):
+    if isinstance(value, list) and value and not any(is_number(v) for v in value):
         return [_one_goal(entry, f"{key}[{i}]", item, frame) for i, item in enumerate(value)]
     return _one_goal(entry, key, value, frame)
 
@@ -89,6 +90,9 @@ def _one_goal(entry: Table, place: str, value: object, frame: str) -> Any:
     if isinstance(value, list):
         check_numbers(value, lambda message: entry.error(message, place))
         return [float(v) if is_number(v) else v for v in value]
+    if not isinstance(value, dict):
+        known = "a configuration's name, its numbers, a table of a pose or region, or a list of alternatives"
+        raise entry.error(f"expected {known}, got {shown(value)}", place)
     table = Table(value, entry.file, (*entry.path, place), entry.text)
     frame = table.string("frame", frame)
     quaternion = table.numbers("quaternion", (4,)) if "quaternion" in table else None
