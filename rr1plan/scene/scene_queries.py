@@ -42,6 +42,8 @@ def read_query(entry: Table, scene: Scene) -> Problem:
         start = {arm: _read_start(starts, arm) for arm in starts.names()}
     arms, margin = entry.strings("arms") or None, entry.number("margin", 0.0)
     entry.finish()
+    if "goal" in entry and arms is None and len(scene.arms) > 1:
+        raise entry.error(f"names no arm; with several arms ({', '.join(scene.arms)}) the key is 'goals'", "goal")
     with entry.blame():
         return Problem(scene, start, goal, arms=arms).with_margin(margin)
 

@@ -390,6 +390,10 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "[queries.q]\ngoal = { arm = 'home' }\n", "q.goal: names arms; with several arms the key is 'goals'"),
         (SIMPLE + "[queries.q]\ngoals = { arm = 'home' }\nstart = { arm = 'home' }\n", "the key is 'starts'"),
         (SIMPLE + "[queries.q]\ngoals = { other = 'home' }\n", "unknown arm 'other'"),
+        (
+            SIMPLE + "[arms.other]\nrobot = 'planar2r'\nxyz = [9, 0, 0]\n[queries.q]\ngoal = 'home'\n",
+            "q.goal: names no arm; with several arms (arm, other) the key is 'goals'",
+        ),
         (SIMPLE + "[queries.q]\ngoal = 1\n", "q.goal: expected a configuration's name, its numbers, a table"),
         (SIMPLE + "[queries.q]\ngoal = [1, 'x']\n", "q.goal: expected a list of numbers, got 'x' in it"),
         (SIMPLE + "[queries.q]\ngoal = ['home', true]\n", "q.goal[1]: expected a configuration's name"),
