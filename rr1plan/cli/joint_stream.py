@@ -55,9 +55,13 @@ def mirror(options: Namespace, console: Console) -> int:
 def _stream(options: Namespace) -> rp.StateStream:
     """The joint states of the source."""
     if not options.source.startswith(_SERIAL):
+        if options.calibration is not None:
+            raise InputError(f"--calibration has no effect: {options.source} is not a serial port")
         return rp.read_states(options.source, silence=options.silence, topic=options.topic)
     if options.calibration is None:
         raise InputError("telemetry of a control box needs a calibration: use option calibration")
+    if options.topic is not None:
+        raise InputError(f"--topic has no effect: {options.source} is not a bag")
     calibration, box = rp.load_calibration(options.calibration), rp.load_control_box(options.calibration)
     port = rp.open_serial_port(options.source.removeprefix(_SERIAL))
     return rp.read_telemetry(port, calibration, box, silence=options.silence)

@@ -655,6 +655,8 @@ def test_a_stream_is_mirrored_beside_its_plan(motion: Path, tmp_path: Path, caps
     for arguments, words in {
         (good,): "use --plan or --scene",
         ("serial:/dev/null", "--scene", "rr1_table"): "use --calibration",
+        ("run.jsonl", "--scene", "rr1_table", "--calibration", "arm.toml"): "--calibration has no effect: run.jsonl is",
+        ("serial:/dev/null", "--scene", "rr1_table", "--calibration", "arm.toml", "--topic", "a"): "--topic has no",
         (str(tmp_path / "none.jsonl"), "--scene", "rr1_table"): "there is no such file",
         (good, "--scene", "rr1_table", "--no-page", "--port", "7000"): "--port",
     }.items():
