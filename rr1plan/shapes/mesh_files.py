@@ -93,7 +93,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         groups.setdefault(_color(mesh) if kind not in _COLORLESS else None, []).append(mesh)
     faces = sum(len(mesh.faces) for meshes in groups.values() for mesh in meshes)
     if faces == 0:
-        raise FormatError("has no triangle" + (_stl_size(data) if kind == ".stl" else ""), file)
+        raise FormatError("has no triangle" + (_cut_stl(data) if kind == ".stl" else ""), file)
     if faces > MAX_FACES:
         raise FormatError(f"has {faces} triangles, expected at most {MAX_FACES}; try a decimated mesh", file)
     return tuple(MeshPart(_join(file, meshes, factors), color) for color, meshes in groups.items())
@@ -167,10 +167,11 @@ def _is_binary_stl(data: bytes) -> bool:
     return count > 0 and len(data) == 84 + _TRIANGLE.itemsize * count
 
 
-def _stl_size(data: bytes) -> str:
-    """The length of a binary STL with its number of triangles, for the message; "" for a file that may be ASCII."""
+def _cut_stl(data: bytes) -> str:
+    """What a file that was cut off lacks, for the message: the end of an ASCII STL, or bytes of a binary one."""
     if b"\0" not in data[80:84]:
-        return ""
+        is_cut = data.startswith(b"solid") and b"endsolid" not in data
+        return ": it was cut off, as an ASCII STL ends with 'endsolid'" if is_cut else ""
     count = int.from_bytes(data[80:84], "little")
     size = 84 + _TRIANGLE.itemsize * count
     return f"; a binary STL of {count} triangles, as its head says, has {size} bytes, but it has {len(data)}"

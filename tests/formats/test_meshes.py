@@ -249,6 +249,9 @@ def test_a_cut_stl_is_refused(tmp_path: Path, block: Mesh) -> None:
     (tmp_path / "cut.stl").write_bytes(binary_stl(block)[:-70])
     with pytest.raises(FormatError, match=r"cut\.stl: .*of 12 triangles, .* has 684 bytes, but it has 614"):
         read_mesh(tmp_path / "cut.stl")
+    (tmp_path / "ascii.stl").write_bytes(ascii_stl(block)[:-40])
+    with pytest.raises(FormatError, match=r"ascii\.stl: has no triangle: it was cut off, .* ends with 'endsolid'"):
+        read_mesh(tmp_path / "ascii.stl")
 
 
 @pytest.mark.parametrize("name", WRITERS)
