@@ -156,6 +156,17 @@ def test_pages_come_back_when_a_killed_program_is_started_again(browser: Any) ->
     tab.close()
 
 
+def test_a_page_says_that_its_program_has_ended(tab: Any) -> None:
+    program, url = run_program(0, "first", 0.5)
+    with program:
+        tab.page.goto(url)
+        wait_until(tab.page, f"{CONNECTED} && RR1.q[0] === 0.5")
+        program.communicate(timeout=60)  # it ends by itself, without `close`
+        assert program.returncode == 0
+        wait_until(tab.page, "RR1.live.ended")
+    assert "has ended" in tab.ask("document.getElementById('status').textContent")
+
+
 def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
     tab: Any, flat: rp.Scene, tmp_path: Path
 ) -> None:

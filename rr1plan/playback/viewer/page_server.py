@@ -10,6 +10,7 @@ Live pages share one server, whose thread runs while it has a page: the first is
 from __future__ import annotations
 
 import asyncio
+import atexit
 import logging
 import os
 import socket
@@ -96,6 +97,11 @@ class PageServer:
     def has(self, page: LivePage) -> bool:
         """Whether a page is served."""
         return self.running and page in self._pages.values()
+
+    def close(self) -> None:
+        """Remove all pages, which ends the thread."""
+        for page in tuple(self._pages.values()):
+            page.close()
 
     def forget(self) -> None:
         """Close the sockets in a forked process, which has no thread of the server: its parent keeps its own."""
@@ -204,5 +210,12 @@ def _forget_servers() -> None:
         server.forget()
 
 
+def _end_pages() -> None:
+    """Inform the browsers that the program ends, as after `LivePage.close`."""
+    for server in tuple(_servers):
+        server.close()
+
+
+atexit.register(_end_pages)
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget_servers)
