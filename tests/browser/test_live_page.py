@@ -21,6 +21,7 @@ from tornado.web import Application
 from tornado.websocket import WebSocketHandler
 
 import rr1plan as rp
+from rr1plan.playback.viewer import page_server
 from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
@@ -165,6 +166,23 @@ def test_a_page_says_that_its_program_has_ended(tab: Any) -> None:
         assert program.returncode == 0
         wait_until(tab.page, "RR1.live.ended")
     assert "has ended" in tab.ask("document.getElementById('status').textContent")
+
+
+def test_a_page_notices_that_its_program_does_not_answer(
+    tab: Any, flat: rp.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_server, "_PING", 0.1)
+    resumed = threading.Event()
+    tab.page.add_init_script("const usual = setTimeout; setTimeout = (act, delay) => usual(act, delay / 20);")
+    with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        viewer.on_slider(lambda _joint, _value: resumed.wait(60))
+        try:
+            tab.open(viewer.url, CONNECTED)
+            tab.ask("RR1.live.tellSlider(1, 0.5)")
+            wait_until(tab.page, "document.getElementById('status').textContent.includes('not answering')")
+        finally:
+            resumed.set()
+        wait_until(tab.page, "document.getElementById('status').hidden && RR1.live.socket.readyState === 1")
 
 
 def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(

@@ -250,6 +250,10 @@ class UpdatesHandler(WebSocketHandler):
         if self.trusted:
             self.page.hear(message)
 
+    def on_pong(self, data: bytes) -> None:
+        """Give the page a sign of life, as it does not learn of the pings that its browser answers."""
+        self.tell("")
+
     def on_close(self) -> None:
         """Forget the browser."""
         self.page.dismiss(self)

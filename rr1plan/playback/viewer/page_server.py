@@ -34,6 +34,7 @@ logger = logging.getLogger(__name__)
 _ADDRESS = "127.0.0.1"
 _FIRST_PORT = 7000
 _PORTS_TRIED = 50
+_PING = 10.0  # [s] between pings, at which pages notice that the program answers
 _PATIENCE = 5.0  # [s] for the thread to start or end
 _lock = per_process(sys.modules[__name__], "_lock", threading.RLock)  # guards the set of pages
 _servers: WeakSet[PageServer] = WeakSet()
@@ -126,7 +127,7 @@ class PageServer:
         asyncio.set_event_loop(self._loop)
         find = {"find": self._find}
         routes = [(r"/(?:(\d+)/)?", PageHandler, find), (r"/(?:(\d+)/)?updates", UpdatesHandler, find)]
-        application = Application(routes, log_function=_log, websocket_ping_interval=20)
+        application = Application(routes, log_function=_log, websocket_ping_interval=_PING)
         self._http = _ConnectionServer(application)
         self._http.streams = self._streams
         self._http.add_socket(self.listener)

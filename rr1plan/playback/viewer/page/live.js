@@ -2,6 +2,7 @@
 
 const AGAIN = 1000; // [ms] between attempts to reach the program
 const ANSWER_TIME = 10000; // [ms] for an answer: another program at the address may accept connections and never answer
+const SILENCE = 25000; // [ms] without a message: the server sends one every 10 s, but not while its program is stopped
 const PROTOCOL = "rr1plan"; // browsers reject a server that does not select it, such as one of another program at the port
 const TRIES = 30; // attempts of a page elsewhere, e.g. in a notebook, whose program may never return
 const FIRST_TRIES = 3; // attempts of a page elsewhere to which nothing has answered yet
@@ -36,13 +37,25 @@ class Live {
       this.reached = true;
       this.tries = 0;
       this.repeats = new Set(["frame", "entries"]);
-      this.viewer.controls.status("");
+      this.expect();
     };
-    socket.onmessage = (message) => this.take(message.data);
+    socket.onmessage = (message) => {
+      this.expect();
+      if (message.data) this.take(message.data); // an empty one is a sign of life
+    };
     socket.onclose = () => {
       clearTimeout(expiry);
+      clearTimeout(this.silence);
       this.lost(isLate);
     };
+  }
+
+  /** Notes a sign of life, and expects the next one. */
+  expect() {
+    const { controls } = this.viewer;
+    clearTimeout(this.silence);
+    controls.status("");
+    this.silence = setTimeout(() => controls.status("The program is not answering; it may be stopped or busy"), SILENCE);
   }
 
   /** Reconnects; a page elsewhere that never reached the program remains static, e.g. in exported notebooks. */
