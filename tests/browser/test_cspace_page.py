@@ -587,6 +587,24 @@ def test_of_names_that_overlap_the_first_one_is_shown(tab: Any, tmp_path: FilePa
     assert tab.complaints == []
 
 
+def test_names_are_readable_in_a_small_window_and_from_afar(tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.Scene(name="small").with_arm("arm", rp.planar_arm("RR"))
+    scene = scene.with_obstacle("one", rp.Sphere(0.05), (1.2, 0.0, 0.0))
+    tab.resize(390, 844)
+    tab.open(rp.cspace(scene, resolution=CELLS).save_html(tmp_path / "small.html"), READY)
+    # Height [px] of the name's picture, two thirds of which are letters.
+    height = """(() => {
+        const { camera, pane } = RR1.stage, { tag } = RR1.lesson.arm.tags.get("one");
+        const at = tag.getWorldPosition(new RR1.THREE.Vector3()).applyMatrix4(camera.matrixWorldInverse);
+        return (-0.5 * pane.clientHeight * tag.scale.y * camera.projectionMatrix.elements[5]) / at.z;
+    })()"""
+    for distance in (1, 3):
+        tab.ask(f"() => {{ RR1.stage.camera.position.multiplyScalar({distance}); RR1.redraw(); }}")
+        tab.next_frames()
+        assert tab.ask(height) > 16.0
+    assert tab.complaints == []
+
+
 @pytest.mark.parametrize("kinds", ["PP", "RP"])
 def test_the_ends_of_sliding_joints_are_in_the_picture(tab: Any, kinds: str, tmp_path: FilePath) -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm(kinds, (0.8, 0.6)))

@@ -1,5 +1,6 @@
 // The planar arm in its workspace: the region it reaches, and inverse kinematics.
 
+const NAME_HEIGHT = 17; // [px] of an obstacle's name at least, two thirds of it letters
 const turn = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
 class Workspace {
@@ -122,20 +123,21 @@ class Workspace {
     const map = new THREE.CanvasTexture(canvas);
     map.encoding = THREE.sRGBEncoding;
     const tag = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false }));
-    const tall = 0.075 * this.outer;
-    tag.scale.set((tall * canvas.width) / height, tall, 1);
+    tag.scale.set(canvas.width / height, 1, 1); // its size depends on the view
     tag.position.set(...place);
     tag.renderOrder = 12;
     return tag;
   }
 
-  /** Hides each name that would overlap one before it. */
+  /** Keeps the names readable in small windows and from afar, and hides each that would overlap one before it. */
   separateNames() {
-    const { camera } = viewer.stage;
+    const { camera, pane } = viewer.stage, least = (2 * NAME_HEIGHT * magnification()) / pane.clientHeight;
     camera.updateMatrixWorld();
     const [perWidth, , , , , perHeight] = camera.projectionMatrix.elements, shown = [];
     for (const { tag } of this.tags ? this.tags.values() : []) {
       const at = tag.getWorldPosition(new viewer.THREE.Vector3()).applyMatrix4(camera.matrixWorldInverse), depth = -at.z;
+      const size = Math.max(0.075 * this.outer, (least * depth) / perHeight);
+      tag.scale.set((size * tag.scale.x) / tag.scale.y, size, 1);
       const { x, y } = at.applyMatrix4(camera.projectionMatrix), wide = (tag.scale.x * perWidth) / depth, tall = (tag.scale.y * perHeight) / depth;
       tag.visible = !shown.some((other) => 2 * Math.abs(other.x - x) < other.wide + wide && 2 * Math.abs(other.y - y) < other.tall + tall);
       if (tag.visible) shown.push({ x, y, wide, tall });
