@@ -44,6 +44,10 @@ def page(opened: Any) -> Iterator[Any]:
     assert [url for url in opened.requests if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
+NAMELESS = """[...document.querySelectorAll("canvas")].filter((canvas) => canvas.checkVisibility()
+    && !canvas.ariaLabel && !canvas.closest("#pane, button")).map((canvas) => canvas.parentElement.className)"""
+
+
 def test_arrow_keys_walk_all_steps(page: Any, lesson: rp.Lesson) -> None:
     for step in lesson.steps:
         assert page.ask("RR1.steps.name") == step.name
@@ -54,6 +58,7 @@ def test_arrow_keys_walk_all_steps(page: Any, lesson: rp.Lesson) -> None:
             np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), step.q, atol=1e-6)
         page.next_frames()
         assert page.faint_texts() == []
+        assert page.ask(NAMELESS) == []
         page.page.keyboard.press("ArrowRight")
     assert page.ask("RR1.steps.index") == len(lesson.steps) - 1
     for _ in lesson.steps:
