@@ -23,12 +23,12 @@ _ROWS = {"position": "rad or m", "velocity": "rad/s or m/s", "acceleration": "ra
 
 
 def trajectory_svg(trajectory: Trajectory) -> str:
-    """The curves as SVG text for embedding in a page; equal trajectories give equal text."""
+    """The curves as SVG text for a page, which scrolls them if it is narrow; equal trajectories give equal text."""
     buffer = io.StringIO()
     with drawing({"font.family": "DejaVu Sans", "font.size": 10, **PLAIN_TEXT}):
         _figure(trajectory).savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
-    return text[text.index("<svg") :].replace("<svg ", '<svg style="width:100%;height:auto" ', 1)
+    return text[text.index("<svg") :].replace("<svg ", '<svg style="width:100%;min-width:640px;height:auto" ', 1)
 
 
 def _figure(trajectory: Trajectory) -> Figure:

@@ -122,3 +122,15 @@ def test_what_has_no_page_says_so() -> None:
         rp.save_glb("a.glb", 3)
     with pytest.raises(rp.InputError, match="file name is 3"):
         rp.screenshot("a.png", 3)
+
+
+@pytest.mark.browser
+def test_curves_are_readable_in_a_narrow_cell(tab: Any, planar2r: rp.Robot, tmp_path: Path) -> None:
+    names = rp.Scene().with_arm("arm", planar2r).joint_names()
+    curves = rp.Trajectory.from_samples(names, [0.0, 1.0], [[0.0, 0.0], [0.1, 0.1]])
+    page = tmp_path / "cell.html"
+    page.write_text(f"<!DOCTYPE html><meta charset=utf-8><div style='width:300px'>{curves._repr_html_()}</div>")
+    tab.page.goto(page.as_uri())
+    heights = "[...document.querySelectorAll('svg g[id^=text_]')].map((text) => text.getBoundingClientRect().height)"
+    assert min(tab.ask(heights)) > 6.0
+    assert tab.ask("document.querySelector('svg').parentElement.clientWidth") == 300  # it scrolls there

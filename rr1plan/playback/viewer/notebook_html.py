@@ -16,7 +16,7 @@ def notebook_html(value: object) -> str | None:
         value: A trajectory, or any argument of `page_content`.
     """
     if isinstance(value, Trajectory):
-        return f'<div style="max-width:960px">{trajectory_svg(value)}</div>'
+        return f'<div style="max-width:960px;overflow-x:auto">{trajectory_svg(value)}</div>'
     try:
         return embed_html(page_html(*page_content(value)))
     except (NoPlanError, MissingPackageError):
