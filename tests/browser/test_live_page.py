@@ -215,6 +215,17 @@ def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
     np.testing.assert_allclose(frame.evaluate("Array.from(RR1.q)")[0], 0.5)
 
 
+def test_a_live_page_that_was_saved_works_without_its_program(tab: Any, flat: rp.Scene, tmp_path: Path) -> None:
+    page = tmp_path / "saved.html"
+    with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        page.write_bytes(tab.page.request.get(viewer.url).body())
+    tab.open(page)
+    tab.ask("RR1.editing.jog(0, 0.5)")
+    assert tab.ask("RR1.q[0]") == 0.5
+    assert tab.ask("document.getElementById('status').hidden")
+    assert tab.complaints == []
+
+
 # Waits end after a twentieth of their time, and the page is busy for longer than the first answer may take.
 BUSY = """
 const usual = setTimeout; setTimeout = (act, delay) => usual(act, delay / 20);

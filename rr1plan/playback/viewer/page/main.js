@@ -421,7 +421,8 @@ for (const panel of settings.panels) {
   viewer.panelData[panel.name] = panel.data;
   mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
 }
-if (settings.live) viewer.live = new Live(viewer, settings.live);
+// A live page that was saved from the browser has no program to follow.
+if (settings.live && (settings.live.address || location.protocol !== "file:")) viewer.live = new Live(viewer, settings.live);
 const wishes = new URLSearchParams(location.hash.slice(1));
 if (wishes.has("bare")) document.body.classList.add("bare");
 viewer.run();
