@@ -152,6 +152,18 @@ def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, les
     assert page.ask(value) == pytest.approx(paused)
 
 
+@pytest.mark.parametrize("lesson", ["potential_fields"], indirect=True)
+def test_the_workspace_fills_a_small_window_beside_its_buttons(page: Any, lesson: rp.Lesson) -> None:
+    page.resize(640, 360)  # as at a zoom of 200 %
+    page.next_frames()
+    top, bottom, pane = page.ask("""(() => {
+        const { center: [x, y], height, radius } = RR1.panelData.cspace.planar, { camera, pane } = RR1.stage;
+        const at = (r) => new RR1.THREE.Vector3(x, height, -y - r).project(camera).y;
+        return [...[radius, -radius].map((r) => 0.5 * (1 - at(r)) * pane.clientHeight), pane.clientHeight];
+    })()""")
+    assert bottom - top > 0.5 * pane
+
+
 @pytest.mark.parametrize("lesson", ["no_path"], indirect=True)
 def test_a_growing_tree_stays_in_its_step(page: Any, lesson: rp.Lesson) -> None:
     step = [step.name for step in lesson.steps].index("planner")

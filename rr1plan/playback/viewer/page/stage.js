@@ -268,7 +268,9 @@ class Stage {
       const inside = box.left < right && box.right > left && box.top < bottom && box.bottom > top;
       return box.width && card && inside ? box : null;
     };
-    const [side, ...below] = ["side", "bar", "plots", "editing"].map((id) => covered(find(id)));
+    const [side, bar, ...others] = ["side", "bar", "plots", "editing"].map((id) => covered(find(id)));
+    // Without a time line the bar is a few buttons in the corner.
+    const isCorner = bar && find("bar").classList.contains("still"), below = isCorner ? others : [bar, ...others];
     const heads = [...document.querySelectorAll("#headline, .readout")].map(covered).filter(Boolean);
     const head = heads.length ? { right: Math.max(...heads.map((box) => box.right)), bottom: Math.max(...heads.map((box) => box.bottom)) } : null;
     const phase = [...document.querySelectorAll(".phase")].map(covered)[0];
@@ -279,6 +281,7 @@ class Stage {
       side ? [{ right: x(side.left - gap) }, { top: y(side.bottom + gap) }] : [{}],
       head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}],
       phase ? [{ left: x(phase.right + gap) }, { bottom: y(phase.top - gap) }] : [{}],
+      isCorner ? [{ right: x(bar.left - gap) }, { bottom: y(bar.top - gap) }] : [{}],
     ];
     const part = (one, two) => ({
       left: Math.max(one.left, two.left ?? -1), right: Math.min(one.right, two.right ?? 1),
