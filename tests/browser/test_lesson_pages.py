@@ -226,3 +226,11 @@ def test_steps_beside_two_pictures_leave_no_empty_area(page: Any) -> None:
     )
     assert 0 <= steps["top"] - card["bottom"] < 40
     assert steps["width"] > 900
+
+
+@pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
+def test_pictures_side_by_side_are_aligned(page: Any, lesson: rp.Lesson) -> None:
+    tops = page.ask(
+        "[...document.querySelectorAll('#panel-pair .plot')].map((plot) => plot.getBoundingClientRect().top)"
+    )
+    assert tops[0] == tops[1]
