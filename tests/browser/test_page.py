@@ -671,6 +671,21 @@ def test_the_picture_returns_with_its_lost_context(tab: Any, page_file: FilePath
 
 
 @pytest.mark.drawn
+def test_a_motion_plays_on_while_the_graphics_card_is_lost(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    # A quality at which shadows are not drawn in each frame, and a clock that hardly moves.
+    tab.ask("() => { RR1.pace.count = () => {}; RR1.pace.level = 2; RR1.setSpeed(0.01); RR1.seek(0.1); RR1.play(); }")
+    before = tab.bare_picture()
+    tab.ask("(window.lost = RR1.stage.renderer.getContext().getExtension('WEBGL_lose_context')).loseContext()")
+    wait_until(tab.page, "RR1.stage.renderer.getContext().isContextLost()")
+    tab.next_frames()
+    tab.ask("lost.restoreContext()")
+    wait_until(tab.page, "!RR1.stage.renderer.getContext().isContextLost()")
+    assert np.abs(tab.bare_picture() - before).mean() < 2.0
+    assert tab.complaints == []
+
+
+@pytest.mark.drawn
 def test_paper_shows_the_page_as_the_window_does(tab: Any, page_file: FilePath) -> None:
     tab.open(page_file)
     pdf = tab.page.pdf()

@@ -66,7 +66,10 @@ class Stage {
     this.quality = FEW_ARMS[0];
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
-    renderer.domElement.addEventListener("webglcontextrestored", () => this.meshcat.set_dirty());
+    renderer.domElement.addEventListener("webglcontextrestored", () => {
+      renderer.shadowMap.needsUpdate = true; // else all is in the shadow of an empty map
+      this.meshcat.set_dirty();
+    });
     this.meshcat.set_3d_pane_size = () => this.resize();
     for (const path of [["Lights"], ["Grid"], ["Axes"]]) this.meshcat.delete_path(path);
     this.meshcat.set_property(["Background"], "visible", false);
@@ -327,7 +330,7 @@ class Stage {
 
   draw() {
     this.controls.update();
-    if (!this.meshcat.needs_render) return;
+    if (!this.meshcat.needs_render || this.renderer.getContext().isContextLost()) return;
     if (this.onDraw) this.onDraw();
     if (this.count === 1) this.meshcat.render(); else this.drawTiles();
   }
