@@ -108,12 +108,11 @@ class Agent:
         chosen = frozenset(arms)
         self.problem, self.timing = problem, timing
         self.arms = tuple(name for name in problem.arms if name in chosen)
-        sizes = [problem.scene.arms[name].robot.nq for name in problem.arms]
-        own = np.repeat([name in chosen for name in problem.arms], sizes)
-        self.start: Array = problem.start[own]
+        starts = [problem.start[problem.columns[name]] for name in self.arms]
+        self.start = np.concatenate(starts)
         self.joint_names = problem.scene.joint_names(self.arms)
         self.limits: Limits = problem.scene.limits(self.arms)
-        ends = np.cumsum([problem.scene.arms[name].robot.nq for name in self.arms]).tolist()
+        ends = np.cumsum([len(q) for q in starts]).tolist()
         self.columns = {name: slice(a, b) for name, a, b in zip(self.arms, [0, *ends], ends, strict=False)}
 
     def __repr__(self) -> str:

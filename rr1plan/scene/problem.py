@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
@@ -240,6 +241,13 @@ class Problem(Value, NotebookView):
     def nq(self) -> int:
         """Number of columns."""
         return len(self.start)
+
+    @cached_property
+    def columns(self) -> Mapping[str, slice]:
+        """The columns of each moving arm."""
+        ends = np.cumsum([self.scene.arms[name].robot.nq for name in self.arms]).tolist()
+        parts = (slice(first, end) for first, end in zip([0, *ends], ends, strict=False))
+        return MappingProxyType(dict(zip(self.arms, parts, strict=True)))
 
     def with_margin(self, distance: float) -> Problem:
         """The same problem with a margin of `distance` [m] added to the padding of pairs with relative motion.
