@@ -170,9 +170,9 @@ def _video(parser: Parser, of: str) -> None:
     parser.add_argument("--fps", type=positive, default=30.0, help="pictures per second of the video (%(default)g)")
     parser.add_argument("--speed", type=positive, default=1.0, help="speed of the video (%(default)g)")
     parser.add_argument(
-        "--size", type=count, nargs=2, default=(1280, 800), metavar=("W", "H"), help="its size [px] (1280 800)"
+        "--size", type=count, nargs=2, default=(1280, 800), metavar=("W", "H"), help="picture size [px] (1280 800)"
     )
-    parser.add_argument("--bare", action="store_true", help="without the cards around the picture")
+    parser.add_argument("--bare", action="store_true", help="without the cards of the page")
     parser.needs("--fps", "--video")
     parser.needs("--speed", "--video")
 
@@ -238,7 +238,7 @@ def view_options(parser: Parser) -> None:
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--html", type=named_file, metavar="FILE", help="write an offline page instead of serving one")
     parser.add_argument("--png", type=file_of(".png"), metavar="FILE", help="write a picture (needs Chromium)")
-    parser.add_argument("--time", type=finite, metavar="T", help="its moment of the motion [s] (default: the start)")
+    parser.add_argument("--time", type=finite, metavar="T", help="with --png: time [s] (default: the start)")
     _video(parser, "the motion")
     parser.add_argument(
         "--glb", type=file_of(".glb"), metavar="FILE", help="write an animated 3-D model, for Blender, Unity or VR"
@@ -267,7 +267,7 @@ def cspace_options(parser: Parser) -> None:
     parser.add_argument("--query", help="a query of the scene, by name (default: its first of a two-joint arm, if any)")
     parser.add_argument("--arm", help="the arm (default: the only one)")
     parser.add_argument(
-        "--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two); the others rest"
+        "--joints", nargs=2, metavar=("A", "B"), help="two of its joints (default: the first two); the others are fixed"
     )
     parser.add_argument(
         "--at",

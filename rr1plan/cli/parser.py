@@ -149,7 +149,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "experiment": (
         "experiment.experiment",
-        "measure the simulator and the viewer, compared with the figures of the thesis",
+        "measure the simulator and the viewer, and compare them with the thesis behind this project",
         (
             "rr1plan experiment all --out results --quick",
             "rr1plan experiment dynamic --out results",
