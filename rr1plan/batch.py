@@ -163,7 +163,7 @@ def plan_many(
             sent to the processes by pickle (default: that of `plan_motion`, or of `plan`).
         retiming: A name of `retiming_names()`.
         budget: When to stop the planner, for each problem (default: 10 s).
-        rng: Seed of the batch; problem i gets seed i of `problem_seeds(rng, n)`.
+        rng: Seed of the batch, from which each problem gets a seed; `PlanResult.seed` of its result repeats it alone.
         progress: Called for each finished problem, with the finished fraction; it may return False to cancel. An
             executor's problems are reported when the whole chunk that contains them is finished.
 

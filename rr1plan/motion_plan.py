@@ -51,7 +51,7 @@ class MotionPlan(NotebookView):
         problem: The planning problem; None for a motion from a file without a problem.
         result: The planner's result.
         seconds: Wall time of each stage [s], in order: "imports" (lazy imports of `rr1plan` before the first query of
-            the process), "set up" (compiled code and collision tables, once), "plan", "shorten", "retime", "validate".
+            the process), "set up" (collision tables, once for each scene), "plan", "shorten", "retime", "validate".
         margin: Distance kept beyond the scene's padding while planning [m]; 0 for the planners of many arms, which keep
             as much for each arm and each pair of arms as their starts, goals and narrow passages allow.
         changes: For a motion from a file: differences between the scene it was planned in and `scene`.

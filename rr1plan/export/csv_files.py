@@ -20,7 +20,10 @@ _HEADER = "t,q:<joint>...,v:<joint>...,a:<joint>..."
 
 
 def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathlib.Path:
-    """Write samples of a trajectory as CSV and return the file's path; see `csv_text`.
+    """Write samples of a trajectory as CSV, from which `load_csv` restores a motion within the same limits.
+
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; the `a` columns are omitted if accelerations jump, and the
+    `v` columns if velocities jump. SI units and radians.
 
     Args:
         file: The file, whose name ends in .csv.

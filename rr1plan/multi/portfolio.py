@@ -178,7 +178,7 @@ def plan_many_arms(
             between stationary objects allow (default: the margin of the problem, or 2 mm if it has none).
         budget: When to stop (default: 10 s); only its seconds count, not its iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
-            not at all). Makespan first, then the sum of all arrival times; see `improvement.py`.
+            not at all). Makespan first, then the sum of all arrival times.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
             arrival times (`GroupResult.suboptimality`) that holds before `improvement`, for the goal configurations
             that were found.

@@ -65,7 +65,7 @@ def load_segments(file: str | Path) -> Sequence:
     """Read the segments of a sequence, and its scene, from a TOML file; `plan_sequence` plans it.
 
     Args:
-        file: The file, in the format described in this module.
+        file: The file (.toml): the key `scene` and a table `[[segments]]` for each segment, as in the guide.
 
     Raises:
         FormatError: not TOML, or not a sequence of its scene; names the position and the line.

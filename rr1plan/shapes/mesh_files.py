@@ -105,13 +105,14 @@ def load_mesh(file: str | Path, *, scale: float | tuple[float, float, float] = 1
         scene = scene.with_obstacle("mug", load_mesh("mug.stl", scale=0.001), [0.4, 0.1, 0.0])
 
     Args:
-        file: A mesh file, as `read_mesh` takes it.
+        file: A .stl (ascii or binary), .obj, .ply, .dae, .gltf or .glb file.
         scale: Factor of all axes or of each one (a file in millimeters: 0.001); negative ones mirror.
         hull: Take the convex hull. Otherwise an obstacle is checked triangle by triangle, and a held object or a link
             is decomposed into convex pieces, which is slow the first time.
 
     Raises:
-        FormatError: as `read_mesh`.
+        FormatError: an unknown suffix, or a file that cannot be read, is too large, or contains no triangle or a number
+            that is not finite.
         InputError: a scale that is not finite or is zero, or a hull without volume.
     """
     of_three = isinstance(scale, list | tuple | np.ndarray)

@@ -33,7 +33,8 @@ def search_lattice(problem: Problem, *, cells: int = 36, weight: float = 1.0) ->
             toward the goal; the path is at most `weight` times as long as a shortest one.
 
     Raises:
-        InputError: a problem that `SearchSpace` rejects, or a number out of range.
+        InputError: several arms, another goal, a start or goal that is not free, a joint without limits that does not
+            wrap, or a number out of range.
     """
     cells, weight = whole_number("cells", cells, 4, 120), number_from_zero("weight", weight)
     space = SearchSpace(problem)

@@ -31,7 +31,8 @@ def grow_prm(
         rng: Seed or generator.
 
     Raises:
-        InputError: a problem that `SearchSpace` rejects, or a number out of range.
+        InputError: several arms, another goal, a start or goal that is not free, a joint without limits that does not
+            wrap, or a number out of range.
     """
     neighbors = whole_number("neighbors", neighbors, 1, 100)
     longest, samples = positive_number("longest", longest), whole_number("samples", samples, 1, 5000)

@@ -22,21 +22,21 @@ SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED, FOUND = (
     "found",
 )
 EVENTS = (SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED, FOUND)
-"""Kinds of events:
-
-- sample: `point` was drawn;
-- blocked: `point` is in collision and rejected;
-- refused: the edge from `vertex` to `point` is not free and rejected;
-- vertex: `vertex` is new, connected to `parent` (-1: a root);
-- edge: `vertex` and `parent` are connected by another edge of a roadmap;
-- parent: `vertex` is cheaper via `parent`, which replaces its previous parent;
-- closed: the cost of `vertex` is final, and its neighbors are examined;
-- found: a path to the goal, cheaper than those before.
-"""
+"""Kinds of events, see `SearchEvent`."""
 
 
 class SearchEvent(NamedTuple):
-    """One event; see `EVENTS`."""
+    """One event of a search, by its kind.
+
+    - sample: `point` was drawn;
+    - blocked: `point` is in collision and rejected;
+    - refused: the edge from `vertex` to `point` is not free and rejected;
+    - vertex: `vertex` is new, connected to `parent` (-1: a root);
+    - edge: `vertex` and `parent` are connected by another edge of a roadmap;
+    - parent: `vertex` is cheaper via `parent`, which replaces its previous parent;
+    - closed: the cost of `vertex` is final, and its neighbors are examined;
+    - found: a path to the goal, cheaper than those before.
+    """
 
     kind: str
     vertex: int = -1

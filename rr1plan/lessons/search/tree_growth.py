@@ -74,7 +74,8 @@ def grow_rrt(
         rng: Seed or generator.
 
     Raises:
-        InputError: a problem that `SearchSpace` rejects, or a number out of range.
+        InputError: several arms, another goal, a start or goal that is not free, a joint without limits that does not
+            wrap, or a number out of range.
     """
     space, step, samples, generator = _checked(problem, step, samples, rng)
     bias = _share(goal_bias)
@@ -106,7 +107,8 @@ def grow_rrt_connect(problem: Problem, *, step: float = 0.3, samples: int = 2000
         rng: Seed or generator.
 
     Raises:
-        InputError: a problem that `SearchSpace` rejects, or a number out of range.
+        InputError: several arms, another goal, a start or goal that is not free, a joint without limits that does not
+            wrap, or a number out of range.
     """
     space, step, samples, generator = _checked(problem, step, samples, rng)
     note = SearchRecorder("RRT-Connect", space)
@@ -154,7 +156,8 @@ def grow_rrt_star(
         rng: Seed or generator.
 
     Raises:
-        InputError: a problem that `SearchSpace` rejects, or a number out of range.
+        InputError: several arms, another goal, a start or goal that is not free, a joint without limits that does not
+            wrap, or a number out of range.
     """
     space, step, samples, generator = _checked(problem, step, samples, rng)
     bias = _share(goal_bias)

@@ -36,7 +36,14 @@ if TYPE_CHECKING:
 class CSpace(CSpaceQuery, NotebookView):
     """The configuration space of two joints with a query and its result, as figures and pages.
 
-    `cspace` computes one; `rr1plan.playback.cspace.cspace_query.CSpaceQuery` documents its fields.
+    `cspace` computes one.
+
+    Attributes:
+        grid: Cells, layers and components.
+        start: Start of the query [rad or m], shape (2,), or None.
+        goals: Configurations that reach the goal [rad or m], each (2,).
+        path: Waypoints of the result [rad or m], shape (k, 2), or None.
+        tree: The tree that the planner explored, or None.
     """
 
     @property

@@ -34,7 +34,7 @@ class CSpaceGrid(Value):
         scene: The scene, which fixes everything except the two joints.
         arm: The arm the joints belong to.
         joint_names: The two joints.
-        axes: Values at the cell centers of each joint [rad], shapes (n,) and (m,).
+        axes: Values at the cell centers of each joint [rad or m], shapes (n,) and (m,).
         periodic: Whether each axis is a full turn whose ends are the same place.
         layers: For each obstacle (and "self-collision", "joint limits") the cells it blocks, shape (n, m).
         labels: Number of the component of free space of each cell, 0 if it is not free.
