@@ -224,7 +224,7 @@ def mirror_options(parser: Parser) -> None:
     )
     parser.add_argument("--port", type=count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
-    parser.add_argument("--no-page", action="store_true", help="only print what is noticed")
+    parser.add_argument("--no-page", action="store_true", help="only print events and the report")
     parser.excludes("--no-page", "--port", "--no-browser")
     parser.different_files(("source", "--calibration", "--plan", "--scene"), "--record")
 
