@@ -155,6 +155,14 @@ def test_the_motion_repeats_or_stops_at_its_end(calm: Any) -> None:
     assert time < 0.5
 
 
+def test_another_document_leaves_repeat_and_speed_as_they_are(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    assert tab.ask(
+        "(RR1.setLoop(false), RR1.setSpeed(2), RR1.load(RR1.document), [RR1.player.loop, RR1.player.speed])"
+    ) == [False, 2]
+    assert tab.page.get_attribute("#loop", "aria-pressed") == "false"
+
+
 def test_a_wait_at_the_end_that_was_broken_off_does_not_count_later(calm: Any) -> None:
     run = """() => {
         RR1.setLoop(true);

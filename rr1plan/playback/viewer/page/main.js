@@ -115,7 +115,7 @@ class Viewer {
     this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
     const longer = this.others.has("compare") ? [this.others.get("compare")] : [];
     this.player = new Player(doc.track ? new Track(doc.track) : null, longer);
-    if (last) this.player.speed = last.speed;
+    if (last) Object.assign(this.player, { speed: last.speed, loop: last.loop });
     this.manual = false;
     this.touched = [];
     this.moved = [];
@@ -143,10 +143,9 @@ class Viewer {
 
   /** Plays another motion of the same arms: the changed fields of the document (`track`, `path`, `report`, `samples`, ...). */
   setMotion(changes) {
-    const { loop } = this.player, { world } = this;
+    const { world } = this;
     this.document = { ...this.document, ...changes };
     this.takeMotion();
-    this.player.loop = loop;
     for (const layer of ["toolpath", "path"]) world.clear(layer);
     this.drawMotion(this.player.track);
     this.loadFindings();
