@@ -693,6 +693,18 @@ def test_a_motion_plays_on_while_the_graphics_card_is_lost(tab: Any, page_file: 
     assert tab.complaints == []
 
 
+def test_a_note_says_that_the_graphics_card_is_lost(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    tab.ask("(window.lost = RR1.stage.renderer.getContext().getExtension('WEBGL_lose_context')).loseContext()")
+    tab.page.wait_for_selector("#note")
+    assert "has stopped the 3-D view" in tab.page.inner_text("#pane")
+    tab.page.locator("#note h2").click(trial=True)
+    assert tab.page.locator("#pane canvas").is_hidden()
+    tab.ask("lost.restoreContext()")
+    tab.page.locator("#note").wait_for(state="detached")
+    assert tab.page.locator("#pane canvas").is_visible()
+
+
 @pytest.mark.drawn
 def test_paper_shows_the_page_as_the_window_does(tab: Any, page_file: FilePath) -> None:
     tab.open(page_file)

@@ -66,7 +66,18 @@ class Stage {
     this.quality = FEW_ARMS[0];
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
+    const lost = pictureNote(
+      "The browser has stopped the 3-D view",
+      "If it does not come back, close other pages with 3-D views and reload this one.",
+    );
+    const setLost = (on) => {
+      document.body.classList.toggle("no-webgl", on);
+      renderer.domElement.hidden = on;
+      if (on) pane.append(lost); else lost.remove();
+    };
+    renderer.domElement.addEventListener("webglcontextlost", () => setLost(true));
     renderer.domElement.addEventListener("webglcontextrestored", () => {
+      setLost(false);
       renderer.shadowMap.needsUpdate = true; // else all is in the shadow of an empty map
       this.meshcat.set_dirty();
     });
@@ -351,19 +362,23 @@ class Stage {
   }
 }
 
+/** A note in place of the picture: why there is none, and what to try. */
+function pictureNote(title, advice) {
+  const note = element("div", undefined, "note");
+  note.id = "note";
+  note.setAttribute("role", "alert");
+  note.append(element("h2", title), element("p", "The clock, the joint values, the report and the panels work without it."), element("p", advice));
+  return note;
+}
+
 /** The stage for a browser without WebGL: a note in place of the picture. Everything that needs no picture still works. */
 class EmptyStage {
   constructor(pane) {
     document.body.classList.add("no-webgl");
-    const note = element("div", undefined, "note");
-    note.id = "note";
-    note.setAttribute("role", "alert");
-    note.append(
-      element("h2", "No 3-D view: this browser has no WebGL"),
-      element("p", "The clock, the joint values, the report and the panels work without it."),
-      element("p", "For the 3-D view turn on hardware acceleration in the browser’s settings, or open the page in another browser."),
-    );
-    pane.replaceChildren(note);
+    pane.replaceChildren(pictureNote(
+      "No 3-D view: this browser has no WebGL",
+      "For the 3-D view turn on hardware acceleration in the browser’s settings, or open the page in another browser.",
+    ));
     // Panels may register listeners here, which are never called, because nothing is drawn.
     this.pane = element("div");
     this.meshcat = { set_dirty: () => {} };
