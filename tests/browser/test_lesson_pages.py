@@ -152,6 +152,16 @@ def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, les
     assert page.ask(value) == pytest.approx(paused)
 
 
+@pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
+def test_paper_shows_all_of_a_text_that_scrolls_in_the_window(page: Any, lesson: rp.Lesson) -> None:
+    page.resize(800, 600)
+    hidden = "RR1.steps.texts.scrollHeight - RR1.steps.texts.clientHeight"
+    in_window = page.ask(hidden)
+    assert in_window > 4
+    assert page.ask(f"dispatchEvent(new Event('beforeprint')) && {hidden}") <= 4
+    assert page.ask(f"dispatchEvent(new Event('afterprint')) && {hidden}") == in_window
+
+
 @pytest.mark.parametrize("lesson", ["potential_fields"], indirect=True)
 def test_the_workspace_fills_a_small_window_beside_its_buttons(page: Any, lesson: rp.Lesson) -> None:
     page.resize(640, 360)  # as at a zoom of 200 %

@@ -28,6 +28,15 @@ class Steps {
       { keys: ["ArrowRight", "PageDown"], text: "The next step", when: free, act: () => this.go(this.index + 1) },
     ]);
     window.addEventListener("hashchange", () => this.begin());
+    window.addEventListener("beforeprint", () => this.fit());
+    window.addEventListener("afterprint", () => this.fit(false));
+  }
+
+  /** Makes a text that scrolls small enough for paper, where nobody can scroll, or as large as before. */
+  fit(on = true) {
+    const { clientHeight, scrollHeight } = this.texts;
+    this.texts.style.fontSize = on ? `${(100 * clientHeight) / scrollHeight}%` : "";
+    this.fade();
   }
 
   /** Text that continues below fades out. */
