@@ -162,6 +162,17 @@ def test_paper_shows_all_of_a_text_that_scrolls_in_the_window(page: Any, lesson:
     assert page.ask(f"dispatchEvent(new Event('afterprint')) && {hidden}") == in_window
 
 
+@pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
+def test_a_lesson_saved_from_the_browser_begins_anew(page: Any, lesson: rp.Lesson, tab: Any, tmp_path: Path) -> None:
+    page.ask("RR1.steps.go(2)")
+    saved = tmp_path / "saved.html"
+    saved.write_text("<!DOCTYPE html>" + page.ask("document.documentElement.outerHTML"), encoding="utf-8")
+    tab.open(saved, READY)
+    assert tab.ask("RR1.steps.index") == 0
+    assert tab.page.locator("#panel-steps").count() == 1
+    assert tab.complaints == []
+
+
 @pytest.mark.parametrize("lesson", ["potential_fields"], indirect=True)
 def test_the_workspace_fills_a_small_window_beside_its_buttons(page: Any, lesson: rp.Lesson) -> None:
     page.resize(640, 360)  # as at a zoom of 200 %

@@ -648,6 +648,21 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: 
     assert [c for c in tab.complaints if "WebGL" not in c] == []
 
 
+def test_a_page_saved_from_the_browser_begins_anew(tab: Any, page_file: FilePath, tmp_path: FilePath) -> None:
+    shape = (
+        "['#pane > *', 'button', '#bar svg', '#side input', 'p'].map((part) => document.querySelectorAll(part).length)"
+    )
+    tab.open(page_file)
+    before = tab.ask(shape)
+    tab.page.keyboard.press("h")
+    saved = tmp_path / "saved.html"
+    saved.write_text("<!DOCTYPE html>" + tab.ask("document.documentElement.outerHTML"), encoding="utf-8")
+    tab.open(saved)
+    assert tab.ask(shape) == before
+    assert tab.page.locator("#headline").is_visible()
+    assert tab.complaints == []
+
+
 def test_a_motion_without_a_report_is_called_not_checked(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
     scene = rp.Scene().with_arm("arm", planar2r, [0.0, 0.0, 300.0])
     motion = rp.Trajectory(scene.joint_names(), [0.0, 1.0], [[[0.0, 0.0], [0.5, 0.2]]])

@@ -15,7 +15,7 @@ class Steps {
     this.index = -1;
     this.articles = [...root.querySelectorAll("article")];
     document.body.classList.add("has-steps");
-    document.body.append(root);
+    find("panels").after(root);
     this.texts = root.querySelector(".texts");
     this.texts.onscroll = () => this.fade();
     new ResizeObserver(() => this.fade()).observe(this.texts);

@@ -412,6 +412,10 @@ class Viewer {
 }
 
 const settings = JSON.parse(find("settings").textContent);
+// The browser saves an open page with what its scripts have put into it, none of which is left when the copy opens.
+for (const node of [...document.body.children]) if (!node.matches("template, script")) node.remove();
+document.body.className = "";
+document.body.prepend(find("page").content.cloneNode(true));
 const viewer = new Viewer();
 window.RR1 = viewer;
 viewer.preferred = settings.view;
