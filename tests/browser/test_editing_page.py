@@ -708,6 +708,21 @@ def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm:
         calm.ask("RR1.plots.toggle()")
 
 
+def test_the_picture_is_framed_above_the_whole_card_of_edits(calm: Any) -> None:
+    calm.ask("document.getElementById('readout').replaceChildren()")
+    before, after = calm.ask("""async () => {
+        const heights = [], measure = () => heights.push(document.getElementById("editing").offsetHeight);
+        const { viewer } = RR1.editing, { frame } = viewer;
+        viewer.frame = () => { measure(); frame.call(viewer); };
+        RR1.editing.toggle();
+        delete viewer.frame;
+        for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame);
+        measure();
+        return heights;
+    }""")
+    assert before == after
+
+
 def test_the_buttons_of_edits_are_in_one_row_at_200_percent_zoom(calm: Any) -> None:
     calm.resize(640, 360)
     calm.page.keyboard.press("m")

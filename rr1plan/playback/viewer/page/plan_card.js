@@ -42,6 +42,7 @@ class PlanCard {
     find("editing").hidden = !on;
     find("edit").setAttribute("aria-pressed", String(on));
     document.body.classList.toggle("editing", on);
+    if (on) this.refreshReadout(); // its lines make the card as high as it will be
     this.viewer.plots.fit(); // on phones the card hides the plots, maybe before a frame shows them
     this.makeRoom();
   }
