@@ -648,6 +648,17 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: 
     assert [c for c in tab.complaints if "WebGL" not in c] == []
 
 
+def test_forced_colors_mark_pressed_buttons(tab: Any, page_file: FilePath) -> None:
+    tab.page.emulate_media(forced_colors="active", color_scheme="dark")
+    tab.open(page_file)
+    tab.ask("RR1.editing.open()")
+    grounds = "[...document.querySelectorAll('#loop, .act.drop')].map((node) => getComputedStyle(node).backgroundColor)"
+    loop, drop = tab.ask(grounds)
+    assert drop != loop
+    tab.page.click(".act.drop")
+    assert tab.ask(grounds) == [loop, loop]
+
+
 def test_a_page_saved_from_the_browser_begins_anew(tab: Any, page_file: FilePath, tmp_path: FilePath) -> None:
     shape = (
         "['#pane > *', 'button', '#bar svg', '#side input', 'p'].map((part) => document.querySelectorAll(part).length)"
