@@ -659,6 +659,14 @@ def test_forced_colors_mark_pressed_buttons(tab: Any, page_file: FilePath) -> No
     assert tab.ask(grounds) == [loop, loop]
 
 
+def test_forced_colors_leave_the_picture_beside_the_cards(tab: Any, page_file: FilePath) -> None:
+    rooms = "RR1.stage.rooms(RR1.stage.tiles()[0])"
+    tab.open(page_file)
+    beside = tab.ask(rooms)
+    tab.page.emulate_media(forced_colors="active")
+    assert tab.ask(rooms) == beside
+
+
 def test_a_page_saved_from_the_browser_begins_anew(tab: Any, page_file: FilePath, tmp_path: FilePath) -> None:
     shape = (
         "['#pane > *', 'button', '#bar svg', '#side input', 'p'].map((part) => document.querySelectorAll(part).length)"

@@ -277,8 +277,9 @@ class Stage {
   rooms(tile) {
     const pane = this.pane.getBoundingClientRect(), large = magnification(), gap = 14 * large, label = this.count > 1 ? 34 * large : 0; // [px] margin; height of a name
     const left = pane.left + tile.left, top = pane.top + tile.top, right = left + tile.width, bottom = top + tile.height;
+    const areColorsForced = matchMedia("(forced-colors: active)").matches; // then nothing has a shadow
     const covered = (node) => {
-      const box = node.getBoundingClientRect(), card = getComputedStyle(node).boxShadow !== "none";
+      const box = node.getBoundingClientRect(), card = areColorsForced || getComputedStyle(node).boxShadow !== "none";
       const inside = box.left < right && box.right > left && box.top < bottom && box.bottom > top;
       return box.width && card && inside ? box : null;
     };
