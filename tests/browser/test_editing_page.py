@@ -757,6 +757,19 @@ def test_the_picture_stays_under_the_pointer_when_the_window_changes_during_a_dr
     calm.page.mouse.up()
 
 
+def test_another_document_ends_a_drag_and_its_label(calm: Any) -> None:
+    x, y = grab_point(calm, "rr1/elbow_link")
+    calm.page.mouse.move(x, y)
+    calm.page.mouse.down()
+    calm.page.mouse.move(x + 30, y + 20, steps=3)
+    frames(calm)
+    assert calm.page.locator("#tip").is_visible()
+    calm.ask("RR1.load(RR1.document, true)")
+    frames(calm)
+    assert calm.page.locator("#tip").is_hidden()
+    assert "grabbing" not in calm.ask("document.body.className")
+
+
 def test_the_report_ends_above_the_card_of_edits(calm: Any) -> None:
     calm.ask("RR1.editing.open(), document.getElementById('badge').click()")
     # A long report, as of an invalid motion.

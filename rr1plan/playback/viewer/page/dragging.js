@@ -47,7 +47,7 @@ class Dragging {
   }
 
   load() {
-    this.gesture = null;
+    if (this.gesture) this.end();
     this.hovered = null;
     this.handles.load();
   }
