@@ -66,12 +66,12 @@ def plan_motion(
         shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) are not.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm if it has none),
             for an arm with tracking errors of a fraction of a millimeter. All elements that move relative to each other
-            keep it along the whole motion. It is halved, up to seven times, until the clearance of start and goal is
-            twice as large and, for a goal pose, a configuration has it. If no path with it is found but one without, by
-            a search that is sixteen times as short or in the last tenth of the budget (at most 1 s), it is halved until
-            a brief search finds a path, and is zero if none does. `motion.margin` is what was kept. Because of the
-            halving, a larger margin may keep less than a smaller one: where the start has a clearance of 5 mm, a margin
-            of 2 mm is kept, and one of 3 mm becomes 1.5 mm.
+            keep it along the whole motion. It is halved, up to seven times below the default, until the clearance of
+            start and goal is twice as large and, for a goal pose, a configuration has it. If no path with it is found
+            but one without, by a search that is sixteen times as short or in the last tenth of the budget (at most 1
+            s), it is halved until a brief search finds a path, and is zero if none does. `motion.margin` is what was
+            kept. Because of the halving, a larger margin may keep less than a smaller one: where the start has a
+            clearance of 5 mm, a margin of 2 mm is kept, and one of 3 mm becomes 1.5 mm.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When to stop the planner (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.

@@ -175,6 +175,15 @@ def test_a_margin_is_halved_until_the_start_has_twice_as_much() -> None:
         halved_margin(problem, -0.1)
 
 
+@pytest.mark.parametrize("margin", [0.02, 1.0, 1e6])
+def test_a_margin_far_too_large_keeps_more_than_half_of_what_fits(margin: float) -> None:
+    problem = rp.Problem(ball_before_a_gap(0.01), [-0.5, 0.3], [0.5, -0.3])
+    motion = rp.plan_motion(problem, margin=margin, rng=0)
+    assert motion.valid
+    assert 0.00125 < motion.margin < 0.005
+    assert motion.report.margins["clearance"].value >= motion.margin
+
+
 def test_a_start_near_contact_leaves_a_margin_that_the_referee_can_tell_from_contact() -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r")).with_obstacle("ball", rp.Sphere(0.1), [0.5, 1.0, 0.0])
     gap = rp.CollisionChecker(scene).clearance([0.0, 0.0])

@@ -55,7 +55,7 @@ def plan(options: Namespace, console: Console) -> int:
     console.say(str(motion))
     if options.margin is not None and motion.many_arms is None and motion.margin < options.margin:
         kept, wanted = 1e3 * motion.margin, 1e3 * options.margin
-        console.say(f"margin: {kept:.3g} mm kept, not {wanted:.3g} mm, because there is too little room")
+        console.say(f"margin: {kept:.3g} mm kept, not {wanted:.4g} mm, because there is too little room")
     say_many(motion, console)
     for kind, file in files.items():
         console.say(f"{kind}: {file}")

@@ -8,6 +8,7 @@ on the clock. Other planners do the same once, when nine tenths of the budget ar
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -27,7 +28,7 @@ _LEAST_SECONDS = 1e-3
 
 
 def halved_margin(problem: Problem, margin: float) -> float:
-    """The margin [m], halved until the clearance of start and goal is twice as large; 0 after seven halvings.
+    """The margin [m], halved until the clearance of start and goal is twice as large, at most seven times below 2 mm.
 
     Of several goal configurations the one with the largest clearance counts; goal poses are not considered, because
     their configurations are not known yet. Elements that do not move relative to each other do not count.
@@ -84,8 +85,9 @@ def plan_with_margin(
 
 
 def _halves(margin: float) -> Iterator[float]:
-    """The margin halved once, twice, ... [m], without the margin itself and zero."""
-    return (margin * 0.5**k for k in range(1, MARGINS.halvings + 1))
+    """The margin halved once, twice, ... [m]: seven times below the default, without the margin itself and zero."""
+    above = math.ceil(math.log2(max(margin, MARGINS.default) / MARGINS.default))
+    return (margin * 0.5**k for k in range(1, MARGINS.halvings + above + 1))
 
 
 class _MarginSearch:
@@ -134,8 +136,9 @@ class _MarginSearch:
             return
         self._less = bare, 0.0
         if bare.found:
-            left = max(_LEAST_SECONDS, (budget.seconds - bare.seconds) / MARGINS.halvings)
-            for part in _halves(margin):
+            halves = tuple(_halves(margin))
+            left = max(_LEAST_SECONDS, (budget.seconds - bare.seconds) / len(halves))
+            for part in halves:
                 result = self._brief_search(part, replace(budget, seconds=left))
                 if result.status in (PlanStatus.FOUND, PlanStatus.CANCELLED):
                     self._less = result, part
