@@ -86,7 +86,7 @@ class UnknownNameError(InputError):
             wanted = name[:200].casefold() if isinstance(name, str) else ""
             near = [one for key in difflib.get_close_matches(wanted, folded, n=3, cutoff=0.5) for one in folded[key]]
         hint = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
-        listed = ", ".join(self.known[:30]) + (", ..." if len(self.known) > 30 else "")
+        listed = ", ".join(self.known[:30]) + (f" and {more} more" if (more := len(self.known) - 30) > 0 else "")
         advice = f" {advice}" if advice else ""
         super().__init__(f"unknown {kind} {shown(name)}.{hint} Known: {listed or 'none'}.{advice}")
 

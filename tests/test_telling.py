@@ -156,3 +156,9 @@ def test_a_rotation_by_a_whole_turn_is_no_degrees(tmp_path: Path) -> None:
     assert abs(turned[0, 0] - rp.transforms.pose(rpy=(0, 0, 3.2))[0, 0]) < 1e-6
     (tmp_path / "bent.urdf").write_text(BENT.format(origin='<origin rpy="0 0 -4.712389"/>'))
     assert rp.load_robot(tmp_path / "bent.urdf").nq == 1
+
+
+def test_an_unknown_name_among_many_shows_some_and_counts_the_rest() -> None:
+    names = [f"link{k}" for k in range(42)]
+    assert str(rp.UnknownNameError("link", "x", names)).endswith(", link29 and 12 more.")
+    assert str(rp.UnknownNameError("link", "x", names[:30])).endswith(", link29.")
