@@ -276,7 +276,14 @@ def _chain_ends(tree: Tree, entry: Any) -> tuple[str, str]:
     if len(ends) != 2:
         raise InputError(f"one of groups is {shown(entry)}, expected a name or two: (base link, tip link)")
     links = [link.name for link in tree.links]
-    return known_name("link", ends[0], links), known_name("link", ends[1], links)
+    base, tip = known_name("link", ends[0], links), known_name("link", ends[1], links)
+    chain = chain_joints(tree.joints, base, tip)
+    if not any(joint.child == tip for joint in tree.joints if joint.name in chain):
+        raise InputError(
+            f"one of groups is ({base!r}, {tip!r}), but no joint below {base!r} moves {tip!r}; expected "
+            "(base link, tip link)"
+        )
+    return base, tip
 
 
 def _planning_joints(

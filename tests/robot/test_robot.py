@@ -156,3 +156,9 @@ def test_the_planar_arm_reaches_where_the_textbook_says(q1: float, q2: float) ->
     tip = robot.link_poses([q1, q2])["tool"][:3, 3]
     expected = [np.cos(q1) + 0.7 * np.cos(q1 + q2), np.sin(q1) + 0.7 * np.sin(q1 + q2), 0]
     assert np.abs(tip - expected).max() < 1e-12
+
+
+def test_a_chain_of_a_group_ends_at_a_link_that_it_moves() -> None:
+    for ends in (("hand_link", "base_link"), ("hand_link", "hand_link")):
+        with pytest.raises(rp.InputError, match=f"no joint below 'hand_link' moves '{ends[1]}'"):
+            rp.load_robot("rr1", groups=[ends])
