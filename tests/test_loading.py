@@ -102,6 +102,8 @@ def test_a_motion_that_cannot_be_meant_for_a_scene_is_refused_by_joint(file: Pat
         rp.load_motion(file, rp.Scene().with_arm("other", planar2r).with_arm("second", planar2r, (9, 9, 9)))
     with pytest.raises(rp.FormatError, match="unknown joint 'arm/joint1'"):
         rp.load_motion(file, rp.load_scene("rr1_table"))
+    with pytest.raises(rp.FormatError, match="joint 'arm/joint1' is locked in the scene"):
+        rp.load_motion(file, rp.Scene().with_arm("arm", rp.load_robot("planar2r", joints=["joint2"])))
     with pytest.raises(rp.InputError, match="scene is of type str"):
         rp.load_motion(file, "rr1_table")
 

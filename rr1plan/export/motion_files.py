@@ -92,16 +92,22 @@ def fit_joints(joint_names: Sequence[str], scene: Scene) -> tuple[tuple[str, ...
 
     Raises:
         UnknownNameError: a joint that is not a planning joint of the scene.
-        InputError: a name that occurs in several arms, or an arm with only some of its joints.
+        InputError: a locked joint, a name that occurs in several arms, or an arm with only some of its joints.
     """
     found: dict[str, int] = {}
     columns = scene.joint_names()
     by_name = columns_by_name(columns)
+    locked = columns_by_name(f"{arm}/{joint}" for arm, one in scene.arms.items() for joint in one.robot.locked_joints)
     for i, name in enumerate(joint_names):
         fitting = [name] if name in columns else by_name.get(name, [])
         if len(fitting) > 1:
             raise InputError(f"several arms have a joint {name!r}; name it {' or '.join(map(repr, fitting))}")
         if not fitting:
+            if name in locked:
+                raise InputError(
+                    f"joint {name!r} is locked in the scene, expected a column for each planning joint; leave its "
+                    "column out, or load the robot with it as a planning joint (option joints)"
+                )
             raise UnknownNameError("joint", name, columns)
         column = fitting[0]
         if column in found:
