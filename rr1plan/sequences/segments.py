@@ -210,7 +210,7 @@ class MoveGripper(Value):
         if self.around is not None:
             return f"gripper around {self.around!r}"
         if self.width is not None:
-            return f"gripper to {1000.0 * self.width:.3g} mm"
+            return f"gripper to {_millimeters(self.width)}"
         if isinstance(self.position, str):
             return f"gripper to {self.position!r}"
         return f"gripper joint to {self.position:.4g}"
@@ -340,8 +340,12 @@ def _shift(offset: Array, in_tool: bool) -> str:
     """An offset in a few words."""
     if offset[0] == offset[1] == 0.0:
         ways = ("back", "ahead") if in_tool else ("down", "up")
-        return f"{1000.0 * abs(float(offset[2])):.4g} mm {ways[int(offset[2] > 0.0)]}"
+        return f"{_millimeters(abs(float(offset[2])))} {ways[int(offset[2] > 0.0)]}"
     return f"by {_vector(offset)} m{' in the axes of the tool' * in_tool}"
+
+
+def _millimeters(length: float) -> str:
+    return f"{1000.0 * length:.4g} mm" if length < 10.0 else f"{1000.0 * length:.0f} mm"
 
 
 def _vector(values: Array) -> str:
