@@ -31,8 +31,8 @@ def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathli
         dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
-        InputError: the trajectory does not end at rest, more than a million rows, a joint whose name ends with a space
-            or has a carriage return, another suffix, or the file cannot be written.
+        InputError: the trajectory jumps or does not end at rest, more than a million rows, a joint whose name ends with
+            a space or has a carriage return, another suffix, or the file cannot be written.
     """
     return write_text(check_writable(file, ".csv"), csv_text(trajectory, dt))
 
@@ -49,8 +49,8 @@ def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
         dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
-        InputError: the trajectory does not end at rest, more than a million rows, or a joint whose name ends with a
-            space or has a carriage return.
+        InputError: the trajectory jumps or does not end at rest, more than a million rows, or a joint whose name ends
+            with a space or has a carriage return.
     """
     times, *columns = sample_within_limits(trajectory, dt)
     for name in trajectory.joint_names:

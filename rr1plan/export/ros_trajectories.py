@@ -148,8 +148,8 @@ def save_joint_trajectory(
 
     Raises:
         UnknownNameError: a name to rename that is no column.
-        InputError: the trajectory does not end at rest, more than a million points, a ROS name that is empty, repeated
-            or not text, another suffix, the file cannot be written.
+        InputError: the trajectory jumps or does not end at rest, more than a million points, a ROS name that is empty,
+            repeated or not text, another suffix, the file cannot be written.
     """
     path = check_writable(file, *YAML_SUFFIXES)
     message = sampled_message(trajectory, dt, lead, rename)
@@ -178,8 +178,8 @@ def sampled_message(
 
     Raises:
         UnknownNameError: a name to rename that is no column.
-        InputError: the trajectory does not end at rest, an invalid time, or a ROS name that is empty, repeated or not
-            text.
+        InputError: the trajectory jumps or does not end at rest, an invalid time, or a ROS name that is empty, repeated
+            or not text.
     """
     of_kind("trajectory", trajectory, Trajectory)
     dt = positive_number("dt", dt)

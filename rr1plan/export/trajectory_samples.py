@@ -33,6 +33,8 @@ _ATTEMPTS = 12
 _MOST_SAMPLES = 1_000_000
 # Speeds at the end below this are zero [rad/s or m/s].
 _REST = 1e-6
+# Smaller jumps of positions are due to rounded times, such as those since 1970 [rad or m].
+_JUMP = 1e-5
 
 
 class TrajectorySamples(NamedTuple):
@@ -60,13 +62,14 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
         tick: Times from the start are multiples of this [s] (default: no constraint).
 
     Raises:
-        InputError: the trajectory has no joints, does not end at rest, or too many samples.
+        InputError: the trajectory has no joints, does not end at rest, its positions jump, or it has too many samples.
     """
     of_kind("trajectory", trajectory, Trajectory)
     if not trajectory.joint_names:
         raise InputError("the trajectory has no joints, of which this kind of file has values; save as .json")
     times = _times(trajectory, dt)
     _check_rest_at_end(trajectory)
+    _check_positions_do_not_jump(trajectory)
     continuous = _is_continuous(trajectory, 1)
     smooth = continuous and _is_continuous(trajectory, 2)
     begin, factor = trajectory.start_time, 1.0
@@ -106,16 +109,21 @@ def _times(trajectory: Trajectory, dt: float) -> Array:
 
 def _is_continuous(trajectory: Trajectory, derivative: int) -> bool:
     """Whether a derivative does not jump at breaks."""
+    return not _jumps(trajectory, derivative).any()
+
+
+def _jumps(trajectory: Trajectory, derivative: int) -> Array:
+    """Jumps of a derivative at inner breaks, shape (m - 1, nq), zero where they are rounding errors."""
     powers = np.arange(trajectory.degree + 1)
     rows = np.moveaxis(trajectory.coefficients, 1, 0)[derivative:]
     for k in range(derivative):
         rows = rows * (powers[derivative:] - k)[:, None, None]
     if not len(rows) or len(trajectory.breaks) < 3:
-        return True
+        return np.zeros((0, len(trajectory.joint_names)))
     steps = np.diff(trajectory.breaks)[:, None]
     ends = sum(row * steps**k for k, row in enumerate(rows))
     jumps = np.abs(ends[:-1] - rows[0][1:])
-    return bool(jumps.max(initial=0.0) <= _ROUNDING * max(1.0, float(np.abs(ends).max(initial=0.0))))
+    return np.where(jumps > _ROUNDING * max(1.0, float(np.abs(ends).max(initial=0.0))), jumps, 0.0)
 
 
 def _excess(trajectory: Trajectory, read: Trajectory) -> float:
@@ -146,3 +154,14 @@ def _check_rest_at_end(trajectory: Trajectory) -> None:
     if speeds.max(initial=0.0) > _REST:
         joint = trajectory.joint_names[int(np.argmax(speeds))]
         raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {speeds.max():.3g}")
+
+
+def _check_positions_do_not_jump(trajectory: Trajectory) -> None:
+    """Reject a trajectory whose positions jump, which samples would replace by a fast motion."""
+    jumps = _jumps(trajectory, 0)
+    if jumps.max(initial=0.0) > _JUMP:
+        k, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
+        raise InputError(
+            f"the trajectory has a jump of {trajectory.joint_names[j]!r} by {jumps[k, j]:.3g} at "
+            f"{trajectory.breaks[k + 1]:.6g} s, which samples cannot represent"
+        )

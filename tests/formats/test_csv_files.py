@@ -125,3 +125,10 @@ def test_samples_written_by_numpy_are_read(tmp_path: FilePath) -> None:
     read = load_csv(tmp_path / "t.csv")
     assert read.joint_names == ("a", "b")
     np.testing.assert_allclose(read(0.5), [1.5, 2.5])
+
+
+def test_positions_that_jump_are_not_written_as_csv(tmp_path: FilePath) -> None:
+    jump = Trajectory(("arm/a",), [0.0, 1.0, 2.0], [[[0.0]], [[0.5]]])
+    with pytest.raises(InputError, match=r"jump of 'arm/a' by 0.5 at 1 s"):
+        save_csv(tmp_path / "t.csv", jump)
+    assert not (tmp_path / "t.csv").exists()
