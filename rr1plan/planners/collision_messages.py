@@ -74,6 +74,13 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
     if advice:
         yield advice
     is_static = (contact.a, contact.b) in checker.static_contacts  # no moving joint lies between them
+    if is_static and (posed := _posed_arms(checker, contact)):
+        for arm in posed:
+            yield (
+                f"{arm!r} does not move in this problem: give it another configuration "
+                f"(scene.with_configuration({arm!r}, ...), in a scene file q of [arms.{arm}])"
+            )
+        return
     if is_static and not {contact.a, contact.b} & (scene.obstacles.keys() | scene.attachments.keys()):
         yield from _locked_joints_advice(scene, contact)
     for link, support in ((contact.a, contact.b), (contact.b, contact.a)):
@@ -94,6 +101,17 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
                 f"{held!r} touches the hand that holds it: name the link with scene.attach({held!r}, "
                 f'touch=[{link!r}]), in a scene file touch = ["{link}"] in [attachments.{held}]'
             )
+
+
+def _posed_arms(checker: CollisionChecker, contact: Contact) -> list[str]:
+    """Arms that do not move in the problem and have a part in a contact whose place depends on their configuration."""
+    found: list[str] = []
+    for name in (contact.a, contact.b):
+        arm = checker.scene.owner(name)
+        if arm is not None and arm not in (*checker.arms, *found):
+            base = checker.scene.arms[arm].robot.bodies[0]
+            found += [] if name in {f"{arm}/{link.name}" for link in base} else [arm]
+    return found
 
 
 def _locked_joints_advice(scene: Scene, contact: Contact) -> Iterator[str]:

@@ -161,3 +161,14 @@ def test_links_of_locked_joints_that_touch_are_told_to_be_set_apart(
     (state,) = re.findall(r"robot\.with_locked_joints\('(\w+)'\)", said)
     apart = rp.Scene().with_arm("body", robot.with_locked_joints(state))
     assert rp.plan(rp.Problem(apart, "home", [1.0]), rng=0).found
+
+
+def test_an_arm_in_contact_that_does_not_move_is_told_to_be_moved(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r).with_arm("other", planar2r, [5.0, 0.0, 0.0])
+    scene = scene.with_obstacle("box", rp.Box((0.3, 0.3, 0.3)), [5.4, 0.0, 0.0])
+    result = rp.plan(rp.Problem(scene, None, {"arm": [1.0, 0.0]}), rng=0)
+    assert result.status is rp.PlanStatus.INVALID_START
+    assert result.reason.count("'other' does not move in this problem") == 1
+    assert "allow" not in result.reason
+    raised = scene.with_configuration("other", [2.0, 0.0])
+    assert rp.plan(rp.Problem(raised, None, {"arm": [1.0, 0.0]}), rng=0).found
