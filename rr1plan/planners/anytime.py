@@ -33,8 +33,8 @@ _LEAST_SHARE, _MOST_SHARE = 0.75, 2.5
 class AnytimePlanner(Planner):
     """Anytime RRT-Connect: restarts under decreasing cost bounds, with shortcuts, compiled.
 
-    It is asymptotically optimal and uses the whole budget, unless the straight line is free. Under a budget of
-    iterations alone the same seed gives the same path. An iteration is a sample.
+    It is asymptotically optimal and uses the whole budget, unless the straight line is free or a proof shows that
+    no path exists. Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
 
     Args:
         range: Longest edge of a tree [rad or m]; 0: a share of the diagonal of the joint space.
@@ -86,7 +86,7 @@ class _Rounds:
         if straight is not None:
             return straight
         number = 0
-        while query.goes_on() and self.length > self.straight * _STRAIGHT:
+        while query.goes_on() and not query.separated and self.length > self.straight * _STRAIGHT:
             number += 1
             if self.search.connect(*self.plan_round(number)):
                 self.improve(self.search.trees.path())

@@ -115,10 +115,11 @@ def test_cells_of_some_pairs_are_those_of_all_pairs(rr1: rp.Robot) -> None:
 
 def test_what_is_barred_is_infeasible_before_the_budget_ends(on_floor: rp.Scene) -> None:
     problem = rp.Problem(on_floor, [-1.0, 1.0, 0.5], [2.0, 5.2, -1.0])
-    result = rp.plan(problem, budget=BUDGET, rng=0)
-    assert result.status is PlanStatus.INFEASIBLE
-    assert result.iterations < 0.5 * BUDGET.iterations
-    assert "joint 'arm/swing' cannot pass" in result.reason
+    for planner in ("rrt_connect", "anytime", "roadmap"):
+        result = rp.plan(problem, planner=planner, budget=BUDGET, rng=0)
+        assert result.status is PlanStatus.INFEASIBLE
+        assert result.iterations < 0.5 * BUDGET.iterations
+        assert "joint 'arm/swing' cannot pass" in result.reason
     many = rp.plan_many_arms(problem, budget=Budget(60.0), rng=0)
     assert many.status is PlanStatus.INFEASIBLE
     assert many.reason.startswith("arm: no path exists: joint 'arm/swing' cannot pass")
