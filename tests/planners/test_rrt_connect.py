@@ -203,6 +203,15 @@ def test_trees_take_the_memory_of_those_that_are_no_more(cage):
     assert np.shares_memory(tree_search.Trees(cage.start, goals).memory.vertices, before)
 
 
+@pytest.mark.parametrize("planner", ["rrt_connect", "anytime"])
+def test_a_search_without_time_has_no_trees_of_an_earlier_one(cage, planner):
+    assert rp.plan(cage, budget=COUNTED, rng=0).found
+    result = rp.plan(cage, planner=planner, budget=Budget(seconds=1e-9), rng=0)
+    assert result.status is PlanStatus.TIMEOUT
+    assert "0 configurations were reached from the start, 0 from the goal" in result.reason
+    assert result.tree is None or len(result.tree.vertices) == 0
+
+
 def test_threads_that_plan_at_once_in_one_scene_have_the_answers_of_one(cage):
     """The kernels let other threads run, and share the scene's tables."""
 
