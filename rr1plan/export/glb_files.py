@@ -26,7 +26,7 @@ from rr1plan.playback.viewer.page_document import Document, unpack_array, view_d
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, locate
 
 # Default colors, those of the page.
 _LINK, _OBSTACLE, _HELD = (0.77, 0.79, 0.82), (0.58, 0.65, 0.74), (0.96, 0.73, 0.27)
@@ -265,6 +265,11 @@ def _sampled_track(document: Document, rate: float) -> tuple[Array, Array]:
     if motion.duration * rate > MOST_SAMPLES:
         raise InputError(f"rate is {rate:g}, which makes more than {MOST_SAMPLES} samples, expected a lower one")
     times = motion.sample_times(step)
+    # A piece at rest, perhaps of hours, needs only its ends.
+    rests = np.abs(coefficients[:, 1:]).sum(axis=(1, 2)) == 0.0
+    if rests.any() and len(breaks) > 1:
+        inside = rests[locate(breaks, times)[0]]
+        times = np.unique(np.concatenate([times[~inside], breaks[:-1][rests], breaks[1:][rests]]))
     q = np.tile(rest, (len(times), 1))
     q[:, columns] = motion(times)
     return times - times[0], q

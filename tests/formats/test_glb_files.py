@@ -229,6 +229,21 @@ def test_short_motions_are_not_only_their_ends(planar2r: rp.Robot, tmp_path: Pat
         np.testing.assert_allclose(player.pose(tool, t), model.pose(motion(t), tool), atol=0.02)
 
 
+def test_a_long_pause_takes_no_samples(planar2r: rp.Robot, tmp_path: Path) -> None:
+    names, move = ("arm/joint1", "arm/joint2"), np.array([[[0.0, 0.2], [0.0, 0.0], [1.5, 0.3], [-1.0, -0.2]]])
+    there = rp.Trajectory(names, [0.0, 1.0], move)
+    moves = there.cut(0.0, 3601.0), rp.Trajectory(("arm2/joint1", "arm2/joint2"), [3600.0, 3601.0], move)
+    motion = rp.Trajectory.merge(*moves)
+    scene = rp.Scene().with_arm("arm", planar2r).with_arm("arm2", planar2r, [5.0, 0.0, 0.0])
+    player = Player(rp.save_glb(tmp_path / "arm.glb", scene, trajectory=motion, rate=20.0))
+    assert {len(times) for times, _, _ in player.tracks.values()} == {42}
+    for t in (0.0, 0.5, 1.0, 1800.0, 3600.0, 3600.5, 3601.0):
+        q = motion(t)
+        expected = scene.link_poses({"arm": q[:2], "arm2": q[2:]})
+        for name in ("arm/link2", "arm2/link2"):
+            np.testing.assert_allclose(player.pose(name, t), expected[name], atol=1e-5)
+
+
 def test_equal_values_give_equal_bytes(pair: rp.Scene, motion: rp.Trajectory, tmp_path: Path) -> None:
     files = [rp.save_glb(tmp_path / f"{i}.glb", pair, trajectory=motion) for i in range(2)]
     assert files[0].read_bytes() == files[1].read_bytes()
