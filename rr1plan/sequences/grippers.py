@@ -189,7 +189,7 @@ def _plate_contact(robot: Robot, width: float) -> _PlateContact:
     try:
         value = closing_value(Arm(robot), plate, 0.0)
     except InputError as error:
-        raise InputError(f"the fingers do not fit a plate of {1e3 * width:.3g} mm: {error}") from error
+        raise InputError(f"the fingers do not fit a plate of {1e3 * width:.4g} mm: {error}") from error
     scene = Scene(obstacles={"thing": plate}).with_arm("arm", unlocked_robot(robot, (joint.name,)))
     fingers = finger_contacts(robot, "arm", "thing")
     others = (pair(a, b) for a in scene.element_names for b in scene.element_names if a < b)
@@ -197,7 +197,7 @@ def _plate_contact(robot: Robot, width: float) -> _PlateContact:
     T = inverse(robot.link_poses(robot.home)[robot.tool] @ grip_frame(robot))
     point = (T @ np.append(checker.nearest(np.append(robot.home, value)).point_a, 1.0))[:3]
     if abs(point[0]) < width / 2 - _SIDE:
-        raise InputError(f"the fingers do not open for {1e3 * width:.3g} mm")
+        raise InputError(f"the fingers do not open for {1e3 * width:.4g} mm")
     return _PlateContact(value, point)
 
 

@@ -97,7 +97,7 @@ def grasps_of(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple
     if not found:
         why = why or ": there are no opposite sides for its fingers"
         raise InputError(
-            f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.3g} mm wide at least{why}"
+            f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.4g} mm wide at least{why}"
         )
     return found
 
