@@ -31,7 +31,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.export.ros_trajectories import BAG_SUFFIXES, read_joint_states, refuse_topic
-from rr1plan.files.file_access import read_text
+from rr1plan.files.file_access import content_suffix, read_text
 from rr1plan.path import check_joint_names
 from rr1plan.thread_locks import exclusive, per_process
 
@@ -154,6 +154,8 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
         messages = read_joint_states(path, topic=topic)
         return StateStream(_with_silence((_of_bag(*fields) for fields in messages), silence), messages.close)
     refuse_topic(path, topic)
+    if content_suffix(path) == ".csv":
+        raise InputError(f"{path} is a CSV file, expected JSON lines, a ROS bag or udp://HOST:PORT")
     text = read_text(path, _LARGEST_RECORDING, strict=False)
     lines = [line for line in text.splitlines() if line.strip()]
     return StateStream(_with_silence(map(parse_state, lines), silence), lambda: None)

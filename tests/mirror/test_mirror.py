@@ -746,3 +746,9 @@ def test_the_page_gets_states_and_the_panel(scene: rp.Scene, plan: rp.Trajectory
         with pytest.raises(rp.InputError, match="cannot hold this data"):
             viewer.update_panel("mirror", {"state": math.nan})
     assert viewer.closed
+
+
+def test_samples_of_a_trajectory_are_not_read_as_joint_states(tmp_path: Path) -> None:
+    file = rp.save_csv(tmp_path / "run.csv", rp.Trajectory.rest(("arm/joint1",), [0.5], duration=1.0))
+    with pytest.raises(rp.InputError, match=r"run\.csv is a CSV file, expected JSON lines"):
+        rp.read_states(file)
