@@ -56,6 +56,10 @@ class OmplQuery:
         return OmplQuery(lower, upper, start, goals, self.state_valid, self.edge_valid)
 
 
+# AORRTC may sample states forever between two termination checks; after this many the search may be cancelled.
+_STATES = 100
+
+
 @dataclass(eq=False)
 class Watch:
     """Budget, counters and termination state of one search.
@@ -83,6 +87,7 @@ class Watch:
     error: BaseException | None = None
     best_cost: Callable[[], float] | None = None
     history: list[tuple[float, float]] = field(default_factory=list)
+    _states: int = 0
 
     def __post_init__(self) -> None:
         self.deadline = self.began + self.budget.seconds
@@ -91,10 +96,15 @@ class Watch:
     def look(self) -> None:
         """One termination check: update counter, clock, cost and cancellation."""
         self.checks += 1
+        self._states = 0
         if self.best_cost is not None:
             self.note(self.best_cost())
         if self.checks >= self.most or time.perf_counter() >= self.deadline:
             self.over = True
+        self._ask()
+
+    def _ask(self) -> None:
+        """End the search if `goes_on` cancels it."""
         if self.goes_on is not None and not self.goes_on():
             self.over = self.cancelled = True
 
@@ -124,6 +134,9 @@ class Watch:
 
     def in_time(self) -> bool:
         """Whether time is left for a state or edge check, for searches that rarely evaluate `is_over`."""
+        self._states += 1
+        if self._states % _STATES == 0:
+            self._ask()
         if time.perf_counter() >= self.deadline:
             self.over = True
         return not self.over

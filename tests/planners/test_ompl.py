@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import rr1plan as rp
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.planners.ompl_planners import KINDS
 from rr1plan.planning import Budget
@@ -382,3 +383,19 @@ def test_budget_counts_are_exact():
 def test_budget_of_nothing_is_refused():
     with pytest.raises(InputError, match="zero"):
         Budget(seconds=0.0)
+
+
+def test_a_search_that_samples_forever_can_be_cancelled():
+    began = []
+
+    def progress(part):
+        began.append(part.seconds)
+        return len(began) < 4
+
+    budget = Budget(seconds=float("inf"), iterations=200)
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r_limited"))
+    scene = scene.with_obstacle("ball", rp.Sphere(0.15), [0.5, 0.3, 0.0])
+    goals = [[-2.26385604, 2.25559833], [1.10430269, 1.68366306], [2.38080739, 0.43326424]]
+    problem = rp.Problem(scene, [-0.45757534, 0.44876184], [rp.JointGoal(goal) for goal in goals])
+    result = rp.plan(problem, planner="aorrtc", budget=budget, rng=0, progress=progress)
+    assert result.status is rp.PlanStatus.CANCELLED
