@@ -14,7 +14,7 @@ class MarginConstants(NamedTuple):
 
     Args:
         default: Distance to keep beyond the scene's padding [m].
-        halvings: Number of halvings of a margin that cannot be kept, before it becomes zero.
+        halvings: Number of halvings below the default of a margin that cannot be kept, before it becomes zero.
         samples: Samples of RRT-Connect with a margin before the first brief search without it.
         growth: Factor from the samples before a brief search to those before the next one.
         ratio: Samples of the search with the margin for one sample of a brief search.

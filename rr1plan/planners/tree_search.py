@@ -111,8 +111,6 @@ class Trees:
         self.memory = _take_memory(len(start), max(_CAPACITY, 2 * len(goals)))
         for side in self.memory.struct.value.sides:
             side.size = 0
-        for side in self.memory.struct.value.sides:
-            side.size = 0
         self._query = CStruct("TreeQuery", start=start, goals=goals, goal_count=len(goals))
         self._goals = goals
         self._call = load_library().rr1_grow_trees

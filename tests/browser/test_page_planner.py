@@ -199,12 +199,15 @@ def test_reported_iterations_never_decrease_while_smaller_margins_are_tried() ->
     assert reported == sorted(reported)
 
 
-@pytest.mark.parametrize(("gap", "margin"), [(0.05, 0.02), (0.03, 0.01), (0.02, 0.005), (-0.01, None)])
-def test_a_margin_that_blocks_is_halved_as_by_plan_motion(gap: float, margin: float | None) -> None:
+@pytest.mark.parametrize(
+    ("gap", "wanted", "margin"),
+    [(0.05, 0.02, 0.02), (0.03, 0.02, 0.01), (0.02, 0.02, 0.005), (-0.01, 0.02, None), (0.05, 100.0, 100.0 / 8192.0)],
+)
+def test_a_margin_that_blocks_is_halved_as_by_plan_motion(gap: float, wanted: float, margin: float | None) -> None:
     scene, start, goal, most = gap_scene(gap), [0.1, 0.8], [0.9, 0.2], 20_000
     asked: list[Any] = [{"moves": [], "questions": [[start, goal]]}]
-    [[found]] = in_node(page_planner(scene, margin=0.02), "motions", asked, most)
-    motion = rp.plan_motion(rp.Problem(scene, start, goal), margin=0.02, budget=Budget(math.inf, most), rng=0)
+    [[found]] = in_node(page_planner(scene, margin=wanted), "motions", asked, most)
+    motion = rp.plan_motion(rp.Problem(scene, start, goal), margin=wanted, budget=Budget(math.inf, most), rng=0)
     if margin is None:
         assert not motion.found
         assert found["status"] == "timeout"

@@ -347,29 +347,31 @@ class PagePlanner {
     };
   }
 
-  /** The margin, halved until the clearance of start and goal is twice as large; 0 after some halvings. */
+  /** The margin halved once, twice, ...: some times below the default, without the margin itself and zero. */
+  #halves(margin) {
+    const { "default": usual, halvings } = this.#data.margins, above = Math.ceil(Math.log2(Math.max(margin, usual) / usual));
+    return Array.from({ length: halvings + above }, (_, k) => margin * 0.5 ** (k + 1));
+  }
+
+  /** The margin, halved until the clearance of start and goal is twice as large; 0 if it never is. */
   #affordableMargin(start, goal, margin) {
     this.#keepMargin(margin);
     const clearance = margin + Math.min(this.#clearance(start, margin), this.#clearance(goal, margin));
-    for (let k = 0; k <= this.#data.margins.halvings; k++) {
-      const part = margin * 0.5 ** k;
-      if (2 * part <= clearance) return part;
-    }
-    return 0;
+    return [margin, ...this.#halves(margin)].find((part) => 2 * part <= clearance) ?? 0;
   }
 
   /** A path with the margin of the answer or, where that blocks, with a smaller one; or null, with the reason there. */
   #searchWithMargin(query, iterations, deadline, answer) {
     if (answer.margin === 0) return this.#search(query, iterations, deadline, answer);
     return this.#search(query, iterations, deadline, answer, (samples) => {
-      const kept = answer.margin, { halvings, ratio } = this.#data.margins, most = Math.floor(samples / ratio);
+      const kept = answer.margin, most = Math.floor(samples / this.#data.margins.ratio);
       const brief = (margin) => this.#core.scoped(() => {
         const found = { ...answer, margin };
         const path = this.#search({ ...query, isBrief: true }, most, deadline, found);
         return path && { path, found };
       });
       let best = brief(0);
-      for (let k = 1; best && best.found.margin === 0 && k <= halvings; k++) best = brief(kept * 0.5 ** k) ?? best;
+      for (const part of this.#halves(kept)) if (best && best.found.margin === 0) best = brief(part) ?? best;
       this.#keepMargin(kept);
       if (best) Object.assign(answer, best.found);
       return best && best.path;
