@@ -116,7 +116,7 @@ def _search(
             result = _search_roadmap(search, information, query, watch, seeds_used)
         else:
             _solve_in_budget(search, watch, seeds_used)
-            result = _solution(definition, len(query.lower))
+            result = _solution(definition, query)
     if not tree:
         return result
     return replace(result, tree=_tree_of(edges) if edges is not None else _explored(search, information, query)[0])
@@ -251,13 +251,15 @@ def _snake_case(name: str) -> str:
 # ---- reading ----------------------------------------------------------------------------------
 
 
-def _solution(definition: ob.ProblemDefinition, n: int) -> OmplResult:
-    """The exact solution as an array; an approximate solution does not count."""
+def _solution(definition: ob.ProblemDefinition, query: OmplQuery) -> OmplResult:
+    """The exact solution as an array; approximate ones do not count, nor AORRTC's paths from a goal to itself."""
+    n = len(query.lower)
     if not definition.hasExactSolution():
         near = float(definition.getSolutionDifference()) if definition.hasApproximateSolution() else None
         return OmplResult(None, near)
     states = definition.getSolutionPath().getStates()
-    return OmplResult(np.array([state[0:n] for state in states]))
+    path = np.array([state[0:n] for state in states])
+    return OmplResult(path if np.allclose(path[0], query.start, rtol=0.0, atol=1e-9) else None)
 
 
 def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
