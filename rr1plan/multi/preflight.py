@@ -15,7 +15,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.goal_conflicts import GoalChoices, GoalConflicts
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
-from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.paths.placed_path import box_around, placed_configuration
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.coordination import are_apart, cross_pairs
 from rr1plan.planners import RrtConnect
@@ -391,15 +391,28 @@ def _first_contact(
 ) -> str | None:
     """A description of a contact between two arms, with links and depth; None if there is none."""
     placed = {arm: placed_configuration(agent.bodies, configurations[arm]) for arm, agent in agents.items()}
+    boxes = {arm: box_around(agent.bodies, placed[arm]) for arm, agent in agents.items()}
     for one, agent in agents.items():
+        whole = agent.problem.scene
+        distance = max(whole.padding, *whole.pair_padding.values(), 0.0)
         # Sorted: sets have another order in each process, and the first contact is the one that is named.
         for two in sorted(near[one]):
-            if one > two or are_apart(agent, placed[one], agents[two], placed[two]):
+            if one > two or _boxes_are_apart(boxes[one], boxes[two], distance):
                 continue
-            scene = subscene(agent.problem.scene, {one: configurations[one], two: configurations[two]}, obstacles=False)
+            if are_apart(agent, placed[one], agents[two], placed[two]):
+                continue
+            scene = subscene(whole, {one: configurations[one], two: configurations[two]}, obstacles=False)
             checker = CollisionChecker(scene)
             q = scene.configuration()
             owners = [{scene.owner(c.a), scene.owner(c.b)} for c in checker.contacts(q)]
             if {one, two} in owners:
                 return describe_collision(checker, q)
     return None
+
+
+def _boxes_are_apart(one: list[float], two: list[float], distance: float) -> bool:
+    """Whether two boxes, low and high corner each, are farther apart than a distance [m]."""
+    return any(
+        low > end + distance or start > high + distance
+        for low, high, start, end in zip(one[:3], one[3:], two[:3], two[3:], strict=True)
+    )

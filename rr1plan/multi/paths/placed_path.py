@@ -58,6 +58,18 @@ def placed_configuration(bodies: AgentBodies, q: Array) -> CStruct:
     return placed_configurations(bodies, q[None])
 
 
+def box_around(bodies: AgentBodies, placed: CStruct) -> list[float]:
+    """Low and high corner of a box around all bodies in a configuration [m].
+
+    Args:
+        bodies: The bodies.
+        placed: The bodies in this configuration, see `placed_configuration`.
+    """
+    count, radii = len(bodies.group_balls), bodies.group_balls[:, 3:]
+    centers = placed.part("group_centers")[count : 2 * count]
+    return [*(centers - radii).min(axis=0).tolist(), *(centers + radii).max(axis=0).tolist()]
+
+
 def placed_configurations(bodies: AgentBodies, configurations: Array) -> CStruct:
     """The bodies in some configurations (n, nq), as a path of n intervals of zero length."""
     count, columns = configurations.shape
