@@ -8,7 +8,6 @@ on the clock. Other planners do the same once, when nine tenths of the budget ar
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -86,8 +85,11 @@ def plan_with_margin(
 
 def _halves(margin: float) -> Iterator[float]:
     """The margin halved once, twice, ... [m]: seven times below the default, without the margin itself and zero."""
-    above = math.ceil(math.log2(max(margin, MARGINS.default) / MARGINS.default))
-    return (margin * 0.5**k for k in range(1, MARGINS.halvings + above + 1))
+    left = MARGINS.halvings
+    while left:
+        left -= margin <= MARGINS.default
+        margin *= 0.5
+        yield margin
 
 
 class _MarginSearch:

@@ -349,8 +349,12 @@ class PagePlanner {
 
   /** The margin halved once, twice, ...: some times below the default, without the margin itself and zero. */
   #halves(margin) {
-    const { "default": usual, halvings } = this.#data.margins, above = Math.ceil(Math.log2(Math.max(margin, usual) / usual));
-    return Array.from({ length: halvings + above }, (_, k) => margin * 0.5 ** (k + 1));
+    const { "default": usual, halvings } = this.#data.margins, halves = [];
+    for (let left = halvings; left; halves.push(margin)) {
+      if (margin <= usual) left -= 1;
+      margin *= 0.5;
+    }
+    return halves;
   }
 
   /** The margin, halved until the clearance of start and goal is twice as large; 0 if it never is. */
