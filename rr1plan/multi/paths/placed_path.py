@@ -59,7 +59,7 @@ def placed_configuration(bodies: AgentBodies, q: Array) -> CStruct:
 
 
 def box_around(bodies: AgentBodies, placed: CStruct) -> list[float]:
-    """Low and high corner of a box around all bodies in a configuration [m].
+    """Low and high corner of a box around all bodies in a configuration [m]; infinitely small without bodies.
 
     Args:
         bodies: The bodies.
@@ -67,7 +67,8 @@ def box_around(bodies: AgentBodies, placed: CStruct) -> list[float]:
     """
     count, radii = len(bodies.group_balls), bodies.group_balls[:, 3:]
     centers = placed.part("group_centers")[count : 2 * count]
-    return [*(centers - radii).min(axis=0).tolist(), *(centers + radii).max(axis=0).tolist()]
+    low, high = (centers - radii).min(axis=0, initial=np.inf), (centers + radii).max(axis=0, initial=-np.inf)
+    return [*low.tolist(), *high.tolist()]
 
 
 def placed_configurations(bodies: AgentBodies, configurations: Array) -> CStruct:
