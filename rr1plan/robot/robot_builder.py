@@ -278,7 +278,7 @@ def _chain_ends(tree: Tree, entry: Any) -> tuple[str, str]:
     links = [link.name for link in tree.links]
     base, tip = known_name("link", ends[0], links), known_name("link", ends[1], links)
     chain = chain_joints(tree.joints, base, tip)
-    if not any(joint.child == tip for joint in tree.joints if joint.name in chain):
+    if chain and not any(joint.child == tip for joint in tree.joints if joint.name in chain):
         raise InputError(
             f"one of groups is ({base!r}, {tip!r}), but no joint below {base!r} moves {tip!r}; expected "
             "(base link, tip link)"

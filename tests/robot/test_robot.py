@@ -159,6 +159,5 @@ def test_the_planar_arm_reaches_where_the_textbook_says(q1: float, q2: float) ->
 
 
 def test_a_chain_of_a_group_ends_at_a_link_that_it_moves() -> None:
-    for ends in (("hand_link", "base_link"), ("hand_link", "hand_link")):
-        with pytest.raises(rp.InputError, match=f"no joint below 'hand_link' moves '{ends[1]}'"):
-            rp.load_robot("rr1", groups=[ends])
+    with pytest.raises(rp.InputError, match="no joint below 'hand_link' moves 'base_link'"):
+        rp.load_robot("rr1", groups=[("hand_link", "base_link")])
