@@ -108,9 +108,11 @@ def _posed_arms(checker: CollisionChecker, contact: Contact) -> list[str]:
     found: list[str] = []
     for name in (contact.a, contact.b):
         arm = checker.scene.owner(name)
-        if arm is not None and arm not in (*checker.arms, *found):
-            base = checker.scene.arms[arm].robot.bodies[0]
-            found += [] if name in {f"{arm}/{link.name}" for link in base} else [arm]
+        if arm is None or arm in (*checker.arms, *found):
+            continue
+        base = checker.scene.arms[arm].robot.bodies[0]
+        if name not in {f"{arm}/{link.name}" for link in base}:
+            found.append(arm)
     return found
 
 
