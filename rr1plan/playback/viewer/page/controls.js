@@ -40,9 +40,9 @@ const FONT = getComputedStyle(document.documentElement).fontFamily;
 /** Pixels of the window for each px of the style sheets, which grow with the window. */
 const magnification = () => parseFloat(getComputedStyle(document.documentElement).fontSize) / 10;
 
-/** Calls f when the size of a node on the screen changes, in CSS pixels or in pixels of the screen. */
+/** Calls f when the size of a node on the screen, with its padding, changes in CSS pixels or in pixels of the screen. */
 function onResize(node, f) {
-  new ResizeObserver(() => f()).observe(node);
+  new ResizeObserver(() => f()).observe(node, { box: "border-box" });
   const watch = () => {
     matchMedia(`(resolution: ${window.devicePixelRatio}dppx)`).addEventListener("change", () => { watch(); f(); }, { once: true });
   };
