@@ -60,6 +60,8 @@ _RANK = 1e-9
 _MEDIAN = 0.6745
 # The readings of a joint have no effect if they have to be scaled by less than this.
 _NO_EFFECT = 1e-2
+# Smaller ranges of joints do not tell readings in other units from readings of joints that hardly move [rad or m].
+_LEAST_RANGE = 1.0
 # Largest numbers of evaluations of a fit, and of one with trial signs: right signs take 20 to 36, most wrong ones 100.
 _EVALUATIONS, _EVALUATIONS_OF_SIGNS = 100, 40
 
@@ -98,8 +100,9 @@ def calibrate(
         values have a standard deviation of inf; as few of them as possible are fixed at those of `start`.
 
     Raises:
-        InputError: arguments of wrong shapes or types, a start in other units, too few different measurements, poses
-            that determine no joint, or no signs, zeros and scales near the start that explain the measurements.
+        InputError: arguments of wrong shapes, types or likely units, a start in other units, too few different
+            measurements, poses that determine no joint, or no signs, zeros and scales near the start that explain the
+            measurements.
     """
     start = _checked_start(robot, start)
     rows = finite_array("readings", readings, (None, robot.nq))
@@ -110,6 +113,7 @@ def calibrate(
     noise, free_base = _checked_noise(noise), true_or_false("free_base", free_base)
     _check_count(robot, len(rows), free_base=free_base)
     data = MeasuredPoints(robot, start, rows, measured, points)
+    _check_units(robot, start, data)
     begin = data.begin(free_base=free_base)
     found, mirrored = _nearest_signs(data, begin, _search_signs(data, begin, noise), noise)
     off = float(np.median(np.linalg.norm(data.residuals(found), axis=1)))
@@ -205,6 +209,32 @@ def _check_count(robot: Robot, count: int, *, free_base: bool) -> None:
         raise InputError(
             f"{count} measurements have {3 * count} coordinates for {unknowns} unknowns; measure at least "
             f"{unknowns // 3 + 1} poses, better {unknowns}"
+        )
+
+
+def _check_units(robot: Robot, start: Calibration, data: MeasuredPoints) -> None:
+    """Reject readings and positions that are too far apart for the joints' ranges and the links' lengths.
+
+    Medians, because single readings and positions may be outliers.
+    """
+    apart = np.median(np.abs(data.turns - np.median(data.turns, axis=0)), axis=0)
+    ranges = robot.limits.upper - robot.limits.lower
+    for name, far, most in zip(robot.joint_names, apart.tolist(), ranges.tolist(), strict=True):
+        if far > max(most, _LEAST_RANGE):
+            unit = robot.joint(name).unit
+            raise InputError(
+                f"half of the readings of joint {name!r}, divided by its scale of {start.joints[name].scale:g} in "
+                f"start, are more than {far:.3g} {unit} from their median, and its range is {most:.3g} {unit}; check "
+                f"the unit of readings, which may be {'mm' if unit == 'm' else 'degrees'}, and the scales of start"
+            )
+    reach = sum(float(np.linalg.norm(joint.origin[:3, 3])) for joint in robot.joints)
+    reach += sum(max(abs(joint.lower), abs(joint.upper)) for joint in robot.joints if joint.unit == "m")
+    reach += float(np.linalg.norm(data.points, axis=1).max())
+    far = float(np.median(np.linalg.norm(data.positions - np.median(data.positions, axis=0), axis=1)))
+    if far > 2.0 * reach:
+        raise InputError(
+            f"half of the positions are more than {far:.3g} m from their median, and the point is never more than "
+            f"{reach:.3g} m from the base; check the unit of positions, which may be mm"
         )
 
 

@@ -275,6 +275,27 @@ def test_readings_that_cannot_be_explained_are_refused(rr1: rp.Robot) -> None:
             rp.calibrate(rr1, some, measured, start=begin, point=POINT)
 
 
+@pytest.mark.parametrize("free_base", [False, True])
+def test_likely_wrong_units_are_named(rr1: rp.Robot, *, free_base: bool) -> None:
+    arm = bench(rr1, 9)
+    degrees = arm.q * 180.0 / math.pi
+    for words, readings, positions in (
+        ("positions, which may be mm", arm.q, 1e3 * arm.positions()),
+        (r"'shoulder_joint', divided by .* range is 4.71 rad; .* may be degrees", degrees, arm.positions()),
+    ):
+        with pytest.raises(rp.InputError, match=words):
+            rp.calibrate(rr1, readings, positions, point=POINT, free_base=free_base)
+
+
+def test_a_few_readings_and_positions_in_other_units_are_outliers(rr1: rp.Robot) -> None:
+    arm = bench(rr1, 9)
+    readings, positions = arm.readings(), arm.positions()
+    readings[3] *= 60.0
+    positions[7] *= 1e3
+    found = rp.calibrate(rr1, readings, positions, start=arm.start(), point=POINT)
+    assert fit(found).outliers == (3, 7)
+
+
 def test_proposed_poses_are_free_and_tell_more_than_random_ones(rr1_table: rp.Scene) -> None:
     poses = rp.propose_calibration_poses(rr1_table, 20, point=POINT, rng=0)
     np.testing.assert_array_equal(poses, rp.propose_calibration_poses(rr1_table, 20, point=POINT, rng=0))
