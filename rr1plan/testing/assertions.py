@@ -16,7 +16,7 @@ from typing import overload
 import numpy as np
 
 from rr1plan.checks import counted, of_kind, positive_number
-from rr1plan.errors import InputError, NoPlanError
+from rr1plan.errors import BackendError, InputError, NoPlanError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.replay import Replay, largest_errors
@@ -149,8 +149,13 @@ def assert_replays(
     if trajectory is None:
         raise InputError("the motion has no times, and cannot be replayed; time its path with rr1plan.retime")
     cases: list[ArmVariation | None] = [None, *(() if variations is None else variations.cases())]
-    replays = tuple(simulate(trajectory, where, dt=dt, hold=_SETTLE, variation=case) for case in cases)
-    found = VariedReplays(replays, tuple(cases), tolerance, goal_tolerance)
+    replays = []
+    for number, case in enumerate(cases):
+        try:
+            replays.append(simulate(trajectory, where, dt=dt, hold=_SETTLE, variation=case))
+        except BackendError as error:
+            raise BackendError(f"{_arms(number, cases)}: {error}") from error
+    found = VariedReplays(tuple(replays), tuple(cases), tolerance, goal_tolerance)
     if not found:
         raise AssertionError(f"the replay failed: {_failure(found)}\n{found}")
     return found
@@ -201,11 +206,16 @@ def _motion_in(motion: MotionPlan | SequencePlan | Trajectory, scene: Scene | No
 def _failure(found: VariedReplays) -> str:
     """The worst replay in a sentence."""
     number = found.worst_case
-    case, replay = found.cases[number], found.replays[number]
-    who = "arms as described" if case is None else f"varied arms {number} of {len(found.cases) - 1} ({case})"
+    replay = found.replays[number]
     failed = sum(not ok for ok in found.passed)
     several = f"; {failed} of {len(found.replays)} replays failed" if len(found.replays) > 1 else ""
-    return f"{_what(found, replay)}, {who}{several}"
+    return f"{_what(found, replay)}, {_arms(number, found.cases)}{several}"
+
+
+def _arms(number: int, cases: Sequence[ArmVariation | None]) -> str:
+    """The arms of a replay."""
+    case = cases[number]
+    return "arms as described" if case is None else f"varied arms {number} of {len(cases) - 1} ({case})"
 
 
 def _what(found: VariedReplays, replay: Replay) -> str:

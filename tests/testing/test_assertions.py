@@ -124,6 +124,15 @@ def test_the_worst_varied_arm_is_named_and_the_same_for_a_seed(motion: rp.Motion
     assert f"varied arms {number} of 5 (payload {found.cases[number].payload:.3g} kg" in said
 
 
+def test_arms_too_heavy_to_simulate_are_named() -> None:
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    rest = np.zeros((2, 6))
+    move = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [rest[0], rest[0] + 0.3], rest, rest)
+    heavy = rp.ReplayVariations(payload=1e4, mass=0.0, count=1)
+    with pytest.raises(rp.BackendError, match=r"^varied arms 1 of 1 \(payload 6.37e\+03 kg, .* became unstable"):
+        rp.assert_replays(move, scene, tolerance=1e9, goal_tolerance=1e9, variations=heavy)
+
+
 def test_variations_stay_within_their_bounds() -> None:
     cases = rp.ReplayVariations(payload=0.5, mass=0.1, friction=0.02, count=200, rng=1).cases()
     payloads, masses, frictions = np.array([(c.payload, c.mass, c.friction) for c in cases]).T
