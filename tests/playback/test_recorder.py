@@ -83,6 +83,27 @@ def test_the_last_instant_is_recorded_with_its_bodies() -> None:
     np.testing.assert_array_equal(record.bodies.poses[-1, 0], sim.body_coordinates("ball"))
 
 
+def test_a_body_of_another_shape_under_the_same_name_is_recorded_as_another_body() -> None:
+    ball = rp.Scene().with_arm("arm", rp.planar_arm("RR")).with_obstacle("part", rp.Sphere(0.1), [9, 0, 1], mass=1.0)
+    box = ball.without_obstacle("part").with_obstacle("part", rp.Box((0.1, 0.2, 0.3)), [9, 0, 2], mass=1.0)
+    sim = rp.Simulation(ball)
+    with rp.Recorder(sim, 0.002) as recorder:
+        sim.step(5)
+        for scene in (box, ball):
+            sim.update_scene(scene)
+            sim.step(5)
+    bodies = recorder.replay().record.bodies
+    assert bodies is not None
+    assert {name: body.geometries[0].shape for name, body in bodies.bodies.items()} == {
+        "part": rp.Sphere(0.1),
+        "part (2)": rp.Box((0.1, 0.2, 0.3)),
+    }
+    assert np.isnan(bodies.poses[:, :, 0]).T.tolist() == [
+        [False] * 6 + [True] * 5 + [False] * 5,
+        [True] * 6 + [False] * 5 + [True] * 5,
+    ]
+
+
 def test_a_body_that_an_arm_takes_is_recorded_in_its_hand(scene: rp.Scene) -> None:
     cube = rp.transforms.pose([-0.3, 0.25, 0.4], rpy=[0.1, 0.2, 0.3])
     sim = following(scene.with_obstacle("cube", rp.Box((0.03, 0.03, 0.03)), cube, mass=0.1))

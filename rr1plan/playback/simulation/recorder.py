@@ -24,20 +24,34 @@ _RESET = (
 
 
 class BodyLog:
-    """Collects poses of loose bodies; bodies may be added, removed, attached and detached between instants."""
+    """Collects poses of loose bodies; bodies may be added, removed, attached and detached between instants.
+
+    A body of other shapes under the name of an earlier one is recorded as "name (2)".
+    """
 
     def __init__(self) -> None:
         self._bodies: dict[str, Obstacle] = {}
+        self._recorded_as: dict[str, str] = {}
         self._rows: list[dict[str, Array]] = []
 
     def add(self, sim: Simulation) -> None:
         """Add the current poses."""
-        names = sim.body_names
-        self._bodies |= {name: sim.scene.obstacles[name] for name in names}
-        self._rows.append({name: sim.body_coordinates(name) for name in names})
-        for name in self._bodies.keys() & sim.scene.attachments.keys():
+        row = {}
+        for name in sim.body_names:
+            row[self._record_name(name, sim.scene.obstacles[name])] = sim.body_coordinates(name)
+        for name in self._recorded_as.keys() & sim.scene.attachments.keys():
             held = sim.current_scene.detach(name).obstacles[name]
-            self._rows[-1][name] = position_and_quaternion(held.pose)
+            row[self._recorded_as[name]] = position_and_quaternion(held.pose)
+        self._rows.append(row)
+
+    def _record_name(self, name: str, body: Obstacle) -> str:
+        number, known = 1, name
+        while known in self._bodies and self._bodies[known].geometries != body.geometries:
+            number += 1
+            known = f"{name} ({number})"
+        self._bodies.setdefault(known, body)
+        self._recorded_as[name] = known
+        return known
 
     def drop_last(self) -> None:
         """Remove the poses that were added last."""

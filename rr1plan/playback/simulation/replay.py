@@ -62,7 +62,7 @@ class BodyMotion(Value):
     """Recorded poses of loose bodies.
 
     Args:
-        bodies: The bodies by name.
+        bodies: The bodies by name; "name (2)" is one of other shapes that took the place of an earlier one.
         poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7), also while
             an arm holds a body that was loose; NaN while a body is not in the scene.
     """
