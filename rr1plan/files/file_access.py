@@ -16,6 +16,8 @@ import secrets
 import stat
 import tempfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -165,6 +167,15 @@ def _not_written(path: Path, error: OSError) -> InputError:
     folders = (path.parent, resolved_path(path).parent)  # of a symbolic link that of its target, too
     missing = [folder for folder in folders if error.errno == errno.ENOENT and not folder.exists()]
     return InputError(f"cannot write {path}: {f'there is no folder {missing[0]}' if missing else error.strerror}")
+
+
+@contextmanager
+def writing(file: str | Path) -> Iterator[None]:
+    """Name the file that cannot be written, as on a full disk."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot write {file}: {error.strerror}") from error
 
 
 def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:

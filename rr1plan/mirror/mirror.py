@@ -16,8 +16,7 @@ import json
 import math
 import pathlib
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from types import TracebackType
 from typing import TextIO
@@ -27,6 +26,7 @@ import numpy as np
 
 from rr1plan.checks import Array, check_callback, file_path, finite_number, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
+from rr1plan.files.file_access import writing
 from rr1plan.mirror.corridor import Corridor, CorridorPosition, certified_corridor
 from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.mirror.message_reader import MessageReader
@@ -128,7 +128,7 @@ class Mirror:
         if self._page is not None:
             self._page.viewer.close()
         if self._record is not None:
-            with _writing(self._record.name):
+            with writing(self._record.name):
                 self._record.close()
 
     def show(self, *, options: ViewOptions | None = None) -> Viewer:
@@ -192,7 +192,7 @@ class Mirror:
         of_kind("item", item, StateMessage)
         if self._record_path is not None:
             fields = {"time": item.time, "name": item.joint_names, "position": item.positions.tolist()}
-            with _writing(self._record_path):
+            with writing(self._record_path):
                 if self._record is None:
                     # Not earlier, because the file may be the one that the stream reads at its start.
                     self._record = self._record_path.open("w", encoding="utf-8")
@@ -319,15 +319,6 @@ def _reason(state: MirrorState) -> str:
 def _writable(file: str | pathlib.Path) -> pathlib.Path:
     """The absolute path of a file that can be written, created if there is none."""
     path = file_path(file)
-    with _writing(path):
+    with writing(path):
         path.open("a", encoding="utf-8").close()
         return path.absolute()
-
-
-@contextmanager
-def _writing(file: str | pathlib.Path) -> Iterator[None]:
-    """Name the file that cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot write {file}: {error.strerror}") from error

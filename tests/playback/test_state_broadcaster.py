@@ -95,6 +95,15 @@ def test_a_file_that_cannot_be_written_is_named(sim: rp.Simulation, tmp_path: Pa
     sim.run(duration=0.1)  # nothing is attached
 
 
+@pytest.mark.parametrize("states", [5, 500])
+def test_a_full_disk_is_named(sim: rp.Simulation, states: int) -> None:
+    """When the file is closed, or already during the run."""
+    broadcaster = rp.JointStateBroadcaster(sim.joint_names, "/dev/full", rate=1.0 / sim.dt)
+    broadcaster.attach(sim)
+    with pytest.raises(rp.InputError, match="cannot write /dev/full: No space left on device"), broadcaster:
+        sim.step(states)
+
+
 def test_a_closed_broadcaster_is_not_attached(sim: rp.Simulation, tmp_path: Path) -> None:
     file = tmp_path / "states.jsonl"
     for to in (file, ("127.0.0.1", 9000), print):

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from rr1plan.checks import check_callback, counted, file_path, of_kind, positive_number, shown
 from rr1plan.errors import InputError
+from rr1plan.files.file_access import writing
 from rr1plan.path import check_joint_names
 from rr1plan.playback.simulation.controllers import JointState
 from rr1plan.playback.simulation.simulation import Simulation
@@ -32,8 +33,9 @@ class JointStateBroadcaster:
 
     A file gets a line for each state, and a socket a datagram (UDP), both JSON with the fields of
     `sensor_msgs/JointState`: {"time", "name", "position", "velocity", "effort"}. Add it to a simulation with `attach`,
-    which opens the file or the socket, and `close` it afterwards, or use it in a `with` statement. A datagram that
-    cannot be sent, such as one of more than 64 kB, ends the run with an `InputError`.
+    which opens the file or the socket, and `close` it afterwards, or use it in a `with` statement. A line that cannot
+    be written, as on a full disk, or a datagram that cannot be sent, such as one of more than 64 kB, ends the run with
+    an `InputError`.
 
     Args:
         joint_names: The joints, "arm/joint".
@@ -99,12 +101,10 @@ class JointStateBroadcaster:
         """Open the target; returns a function that sends a state to it."""
         to = self._to
         if isinstance(to, Path):
-            try:
+            with writing(to):
                 file = to.open("w", encoding="utf-8")
-            except OSError as error:
-                raise InputError(f"cannot write {to}: {error.strerror}") from error
-            self._end.append(file.close)
-            return lambda state: print(self._message(state), file=file)
+            self._end.append(writing(to)(file.close))
+            return writing(to)(lambda state: print(self._message(state), file=file))
         if isinstance(to, _Address):
             try:
                 sender = socket.socket(to.family, socket.SOCK_DGRAM)
