@@ -278,6 +278,20 @@ def test_a_falling_tower_repeats_to_the_bit_and_nothing_falls_through(solver: st
     assert len(set(ends)) == 1
 
 
+@pytest.mark.parametrize("arms", [0, 1])
+def test_bodies_fall_while_no_arm_moves(arms: int) -> None:
+    scene = rp.Scene().with_obstacle("ball", rp.Sphere(0.05), [3.0, 0.0, 1.0], mass=1.0)
+    scene = scene.with_arm("arm", rp.planar_arm("RR")) if arms else scene
+    still = rp.Trajectory.rest([], [], duration=0.2)
+    replay = rp.simulate(still, scene)
+    bodies = replay.record.bodies
+    assert replay
+    assert bodies is not None
+    assert bodies.poses[-1, 0, 2] == pytest.approx(1.0 - 0.5 * 9.81 * 0.2**2, abs=3e-3)
+    assert rp.simulate(still, scene, mode="kinematic")
+    assert rp.second_opinion(still, scene)
+
+
 def test_things_come_move_and_go_in_a_run() -> None:
     scene = FLOOR.with_arm("arm", rp.load_robot("rr1"), [2.0, 0.0, 0.0]).with_obstacles({"a": box()})
     sim = rp.Simulation(scene)

@@ -118,18 +118,18 @@ class JointTargets:
     """
 
     def __init__(self, trajectory: Trajectory, scene: Scene) -> None:
-        known = scene.joint_names()
+        known = scene.joint_names() if scene.arms else ()
         for name in trajectory.joint_names:
             if name not in known:
                 raise UnknownNameError("joint", name, known)
-        missing = [n for n in scene.joint_names(trajectory.arms) if n not in trajectory.joint_names]
+        missing = [n for a in trajectory.arms for n in scene.joint_names([a]) if n not in trajectory.joint_names]
         if missing:
             raise InputError(f"the trajectory moves {', '.join(trajectory.arms)} but has no column for {missing[0]!r}")
         self.trajectory = trajectory
         self.scene = scene
         self._map = JointMap(scene)
         self.names = self._map.names
-        self._rest = self._map.expand(scene.configuration())
+        self._rest = self._map.expand(scene.configuration() if scene.arms else np.zeros(0))
         self._columns = np.array([self._map.index[name] for name in trajectory.joint_names], dtype=np.int64)
 
     def __call__(self, times: Array, derivative: int = 0) -> Array:
