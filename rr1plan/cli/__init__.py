@@ -38,6 +38,10 @@ def run(arguments: Sequence[str], started: float | None = None) -> int:
         return _fail(console, str(error), NO_PLAN)
     except Rr1PlanError as error:
         return _fail(console, str(error), BAD_INPUT)
+    except ImportError as error:
+        if _is_interrupted(error):
+            return _fail(console, "interrupted", INTERRUPTED)
+        raise
 
 
 def _run(arguments: Sequence[str], console: Console, started: float) -> int:
@@ -55,6 +59,14 @@ def _run(arguments: Sequence[str], console: Console, started: float) -> int:
     with console.warnings(), taken_terminal():
         code: int = command(options, console)
     return code
+
+
+def _is_interrupted(error: ImportError) -> bool:
+    """Whether Ctrl-C ended the import, as libraries in C++ that a command imports when it runs report it."""
+    cause: BaseException | None = error
+    while isinstance(cause, ImportError):
+        cause = cause.__cause__
+    return isinstance(cause, KeyboardInterrupt)
 
 
 def _fail(console: Console, message: str, code: int) -> int:

@@ -228,6 +228,13 @@ def test_ctrl_c_while_the_command_line_and_its_libraries_load_is_one_line(module
     assert (done.returncode, done.stderr) == (INTERRUPTED, "rr1plan: interrupted\n")
 
 
+def test_ctrl_c_while_a_command_imports_the_simulator_is_one_line() -> None:
+    script = _INTERRUPTS_ITSELF.format(module="mujoco._structs", handler="signal.default_int_handler")
+    command = [sys.executable, "-c", script, "play", "nowhere"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (INTERRUPTED, "rr1plan: interrupted\n")
+
+
 def test_a_job_in_the_background_that_ignores_ctrl_c_goes_on() -> None:
     for module in ("rr1plan.cli", "numpy"):
         script = _INTERRUPTS_ITSELF.format(module=module, handler="signal.SIG_IGN")
