@@ -113,7 +113,7 @@ def calibrate(
     noise, free_base = _checked_noise(noise), true_or_false("free_base", free_base)
     _check_count(robot, len(rows), free_base=free_base)
     data = MeasuredPoints(robot, start, rows, measured, points)
-    _check_units(robot, start, data)
+    _check_units(robot, data, "readings, divided by the scales of start,")
     begin = data.begin(free_base=free_base)
     found, mirrored = _nearest_signs(data, begin, _search_signs(data, begin, noise), noise)
     off = float(np.median(np.linalg.norm(data.residuals(found), axis=1)))
@@ -166,6 +166,7 @@ def expected_calibration(
     _check_count(robot, len(configurations), free_base=free_base)
     readings = start.readings(configurations, robot.joint_names)
     data = MeasuredPoints(robot, start, readings, np.zeros((len(readings), 3)), points)
+    _check_units(robot, data, "poses")
     data = MeasuredPoints(robot, start, readings, data.residuals(data.begin(free_base=False)), points)
     begin = data.begin(free_base=free_base)
     mirrored = _nearest_signs(data, begin, begin, noise)[1]
@@ -212,10 +213,15 @@ def _check_count(robot: Robot, count: int, *, free_base: bool) -> None:
         )
 
 
-def _check_units(robot: Robot, start: Calibration, data: MeasuredPoints) -> None:
+def _check_units(robot: Robot, data: MeasuredPoints, readings: str) -> None:
     """Reject readings and positions that are too far apart for the joints' ranges and the links' lengths.
 
     Medians, because single readings and positions may be outliers.
+
+    Args:
+        robot: The robot.
+        data: The measurements.
+        readings: Name of the readings in messages.
     """
     apart = np.median(np.abs(data.turns - np.median(data.turns, axis=0)), axis=0)
     ranges = robot.limits.upper - robot.limits.lower
@@ -223,9 +229,8 @@ def _check_units(robot: Robot, start: Calibration, data: MeasuredPoints) -> None
         if far > max(most, _LEAST_RANGE):
             unit = robot.joint(name).unit
             raise InputError(
-                f"half of the readings of joint {name!r}, divided by its scale of {start.joints[name].scale:g} in "
-                f"start, are more than {far:.3g} {unit} from their median, and its range is {most:.3g} {unit}; check "
-                f"the unit of readings, which may be {'mm' if unit == 'm' else 'degrees'}, and the scales of start"
+                f"{readings} seem to be in {'mm' if unit == 'm' else 'degrees'} instead of {unit}: half of those of "
+                f"joint {name!r} are more than {far:.3g} {unit} from their median, and its range is {most:.3g} {unit}"
             )
     reach = sum(float(np.linalg.norm(joint.origin[:3, 3])) for joint in robot.joints)
     reach += sum(max(abs(joint.lower), abs(joint.upper)) for joint in robot.joints if joint.unit == "m")
@@ -233,8 +238,8 @@ def _check_units(robot: Robot, start: Calibration, data: MeasuredPoints) -> None
     far = float(np.median(np.linalg.norm(data.positions - np.median(data.positions, axis=0), axis=1)))
     if far > 2.0 * reach:
         raise InputError(
-            f"half of the positions are more than {far:.3g} m from their median, and the point is never more than "
-            f"{reach:.3g} m from the base; check the unit of positions, which may be mm"
+            f"positions seem to be in mm instead of m: half of them are more than {far:.3g} m from their median, and "
+            f"the point is never more than {reach:.3g} m from the base"
         )
 
 

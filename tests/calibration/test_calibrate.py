@@ -280,11 +280,13 @@ def test_likely_wrong_units_are_named(rr1: rp.Robot, *, free_base: bool) -> None
     arm = bench(rr1, 9)
     degrees = arm.q * 180.0 / math.pi
     for words, readings, positions in (
-        ("positions, which may be mm", arm.q, 1e3 * arm.positions()),
-        (r"'shoulder_joint', divided by .* range is 4.71 rad; .* may be degrees", degrees, arm.positions()),
+        ("^positions seem to be in mm instead of m", arm.q, 1e3 * arm.positions()),
+        ("^readings, .* seem to be in degrees instead of rad: .* its range is 4.71 rad", degrees, arm.positions()),
     ):
         with pytest.raises(rp.InputError, match=words):
             rp.calibrate(rr1, readings, positions, point=POINT, free_base=free_base)
+    with pytest.raises(rp.InputError, match="poses seem to be in degrees instead of rad"):
+        rp.expected_calibration(rr1, degrees, point=POINT, free_base=free_base)
 
 
 def test_a_few_readings_and_positions_in_other_units_are_outliers(rr1: rp.Robot) -> None:
