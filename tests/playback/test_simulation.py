@@ -350,3 +350,10 @@ def test_an_arm_that_its_servos_cannot_hold_is_named(rr1: rp.Robot) -> None:
         said = "the servo of 'arm/upper_arm_joint' is at its effort limit of 2"
         assert any(said in warning for warning in sim.warnings) == sags
         assert sags or sim.warnings == ()
+
+
+def test_a_trajectory_that_begins_at_an_absurd_speed_is_refused() -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    jump = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1e-6, 1.0], [[0, 0], [1, 0], [1, 0]])
+    with pytest.raises(rp.InputError, match=r"velocities at the start of the trajectory holds 1e\+06, expected"):
+        rp.simulate(jump, scene)

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 import mujoco
 import numpy as np
 
-from rr1plan.checks import Array, check_callback, known_name, number_from_zero, of_kind, positive_number
+from rr1plan.checks import Array, check_callback, known_name, near_array, number_from_zero, of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
@@ -158,7 +158,9 @@ class _Follow(Controller):
 def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Callable[[int], None]) -> _Seen:
     """Simulate servos that move the arms."""
     times, desired = steps.times, steps.desired
-    sim.place(targets.names, desired[0], targets(times[:1], 1)[0])
+    velocities = targets(times[:1], 1)[0]
+    near_array("velocities at the start of the trajectory", velocities, velocities.shape)
+    sim.place(targets.names, desired[0], velocities)
     bodies = BodyLog()
     bodies.add(sim)
     actual, effort = desired.copy(), np.zeros(len(targets.names))
