@@ -9,7 +9,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
@@ -93,7 +93,8 @@ class TreeSearch:
     def describe(self) -> str:
         """Message about the sizes of the last trees."""
         of_start, of_goal = self.trees.sizes
-        return f"{of_start} configurations were reached from the start, {of_goal} from the goal"
+        were = "was" if of_start == 1 else "were"
+        return f"{counted(of_start, 'configuration')} {were} reached from the start, {of_goal} from the goal"
 
 
 class Trees:

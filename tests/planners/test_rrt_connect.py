@@ -212,6 +212,12 @@ def test_a_search_without_time_has_no_trees_of_an_earlier_one(cage, planner):
     assert result.tree is None or len(result.tree.vertices) == 0
 
 
+def test_a_tree_of_one_configuration_is_counted_in_the_singular():
+    problem = load_problems("rr1_table")["behind_bottle"]
+    reason = rp.plan(problem, budget=Budget(seconds=float("inf"), iterations=1), rng=0).reason
+    assert "1 configuration was reached from the start, 1 from the goal" in reason
+
+
 def test_threads_that_plan_at_once_in_one_scene_have_the_answers_of_one(cage):
     """The kernels let other threads run, and share the scene's tables."""
 

@@ -425,7 +425,8 @@ class PagePlanner {
       if (over) {
         const [ofStart, ofGoal] = trees.sides.map((side) => side.size);
         return this.#fail(answer, "timeout", `no path found after ${trees.samples} iterations; ` +
-          `${ofStart} configurations were reached from the start, ${ofGoal} from the goal`);
+          `${ofStart} ${ofStart === 1 ? "configuration was" : "configurations were"} reached from the start, ` +
+          `${ofGoal} from the goal`);
       }
     }
   }
