@@ -131,8 +131,8 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
 
 
 def _other_header(header: list[str], file: _File) -> FormatError:
-    got = shown(",".join(header))
-    return FormatError(f"has another header, {got}, expected {_HEADER}, separated by commas", file, 1)
+    fault = f"has another header, {shown(','.join(header))}" if any(header) else "has no header"
+    return FormatError(f"{fault}, expected {_HEADER}, separated by commas", file, 1)
 
 
 def _row(cells: list[str], count: int, file: _File, number: int) -> list[float]:

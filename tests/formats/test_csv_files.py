@@ -76,7 +76,8 @@ def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: File
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "another header"),
+        ("", ":1: has no header, expected t,q:"),
+        ("\nt,q:a\n0,0\n", ":1: has no header"),
         ("q:a,v:a\n0,0\n", "another header"),
         ("t,time,q:a\n0,0,0\n", "another header"),
         ("t,\n0,0\n", "another header"),
