@@ -326,11 +326,13 @@ def file_path(value: Any) -> Path:
     """`value` as a path that is valid on common file systems.
 
     Raises:
-        InputError: neither text nor a path, an invalid character, a name longer than 255 bytes or a path longer
+        InputError: neither text nor a path, empty, an invalid character, a name longer than 255 bytes or a path longer
             than 4095.
     """
     if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
         raise InputError(f"file name is {shown(value)}, expected text or a path")
+    if not os.fspath(value):
+        raise InputError("file name is empty, expected text or a path")
     path = Path(value)
     if "\0" in str(path):
         raise InputError(f"file name {str(path)!r} holds a NUL")

@@ -217,7 +217,7 @@ FILE_VERBS: dict[str, Callable[[Any, rp.Scene], Any]] = {
 
 @pytest.mark.parametrize("verb", FILE_VERBS)
 def test_what_is_no_file_name_is_refused_in_words(verb: str, scene: rp.Scene, tmp_path: Path) -> None:
-    wrong = [3, 1.5, [1], b"x", "a\0b", tmp_path / ("x" * 300)]
+    wrong = [3, 1.5, [1], b"x", "", "a\0b", tmp_path / ("x" * 300)]
     # Without an SRDF argument, the file next to the robot is used.
     for name in wrong if verb == "srdf" else [None, *wrong]:
         with pytest.raises(rp.InputError, match="file name"):
