@@ -103,6 +103,7 @@ def _say_robot(robot: Robot, console: Console) -> None:
         (j["name"], j["kind"], *("-" if j[c] is None else f"{j[c]:.4g}" for c in columns)) for j in values["joints"]
     ]
     console.table(("joint", "kind", *columns), rows)
+    console.say("units: rad, s and Nm; of prismatic joints m, s and N")
     if assumed := values["assumed_limits"]:
         console.say(f"{' and '.join(assumed)} are assumed: the robot's file has no such limits")
     console.say(f"configurations: {', '.join(robot.configurations)}")

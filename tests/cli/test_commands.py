@@ -541,6 +541,7 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
     assert run(["robots", "rr1"]) == OK
     said = capsys.readouterr().out
     assert "shoulder_joint" in said
+    assert "units: rad, s and Nm" in said
     assert "assumed" not in said
     Path("arm.urdf").write_text(Path(rp.load_robot("planar2r").source).read_text())
     assert run(["robots", "arm.urdf"]) == OK
