@@ -261,6 +261,13 @@ def test_a_scene_that_would_read_back_differently_is_not_written(tmp_path: Path,
     assert file.read_text() == "old"
 
 
+def test_a_scene_with_an_arm_without_a_file_is_not_written(tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    with pytest.raises(rp.InputError, match=r"robot 'planar_rr' of arm 'arm' was made in Python.*pickle the scene"):
+        rp.save_scene(tmp_path / "flat.toml", scene)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_mesh_file_becomes_one_shape(tmp_path: Path) -> None:
     file = tmp_path / "corner.obj"
     corners = "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nv 0.2 0.2 0.2\n"

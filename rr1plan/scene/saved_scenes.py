@@ -141,7 +141,12 @@ def _robot_entry(arm: str, robot: Robot, load: RobotLoader) -> str:
     named = next((name for name in (*robot_names(), *installed_robots()) if locate_robot(name)[1] == source), None)
     if named is not None and (named in robot_names() or _is_default(robot, named, load)):
         return named
-    if not robot.source or not source.is_file():
+    if not source.suffix:  # of planar_arm, for example
+        raise InputError(
+            f"the robot {robot.name!r} of arm {arm!r} was made in Python and has no file that a scene file could name; "
+            "save a motion of plan_motion instead, which contains its scene and robots, or pickle the scene"
+        )
+    if not source.is_file():
         raise InputError(
             f"the robot {robot.name!r} of arm {arm!r} was loaded from no file that is there now; "
             f"name one with robots={{{arm!r}: 'robot.urdf'}}"
