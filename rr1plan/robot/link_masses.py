@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from rr1plan.checks import read_only
+from rr1plan.checks import HEAVIEST, read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Inertial, Link, Robot
 from rr1plan.robot.link_contacts import coal_solid
@@ -27,10 +27,19 @@ def with_assumed_masses(robot: Robot) -> Robot:
 
     A body is a group of links connected by fixed joints. The mass is that of its collision shapes, or of its visuals
     if it has none; a frame without shapes stays massless.
+
+    Raises:
+        InputError: shapes larger than any machine.
     """
     found = {name: inertial for body in robot.bodies[1:] for name, inertial in _assumed(body)}
     if not found:
         return robot
+    for name, inertial in found.items():
+        if max(inertial.mass, np.abs(inertial.inertia).max()) > HEAVIEST:
+            raise InputError(
+                f"{robot.name}: the shapes of link {name!r} would weigh {inertial.mass:.3g} kg, more than any machine "
+                "(lengths are in meters: are these millimeters?)"
+            )
     log.warning(
         "%s: links without a mass, taken as solid with %g kg/m³ (%.3g kg in all), torques are estimates: %s",
         robot.name,

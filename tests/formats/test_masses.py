@@ -44,6 +44,11 @@ def test_a_link_without_a_mass_gets_that_of_its_shapes(
     assert "arm: links without a mass, taken as solid with 1000 kg/m³ (2 kg in all)" in caplog.text
 
 
+def test_shapes_heavier_than_any_machine_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(rp.InputError, match=r"link 'l0' would weigh 2e\+09 kg.*are these millimeters\?"):
+        arm(tmp_path, SOLID.replace("0.1 0.4 0.05", "100 400 50"))
+
+
 def test_a_mesh_counts_as_its_hull_and_a_visual_where_nothing_else_is_there(tmp_path: Path) -> None:
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]) * 0.3
     faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
