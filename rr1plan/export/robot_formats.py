@@ -41,7 +41,7 @@ def save_rosbag(
     """Write a ROS 2 bag: one JointTrajectory, and JointState messages along it.
 
     Args:
-        folder: The bag, a folder that does not exist yet.
+        folder: The bag, a folder that does not exist yet, whose name does not end in .bag as that of ROS 1 bags.
         trajectory: A motion that ends at rest. Points have the fields that `save_joint_trajectory` writes, so that a
             controller that interpolates between them keeps the limits of the motion.
         dt: Longest time between points [s]; there is one at each break of the motion, too.
@@ -56,13 +56,16 @@ def save_rosbag(
     Raises:
         MissingPackageError: `rosbags` is not installed (extra `ros`).
         UnknownNameError: a name to rename that is not a column, or another storage.
-        InputError: the folder exists or cannot be created, an invalid time, a motion that does not end at rest.
+        InputError: the folder exists, cannot be created or ends in .bag, an invalid time, a motion that does not end at
+            rest.
     """
     target = file_path(folder)
     known_name("storage", storage, _STORAGE)
     message = sampled_message(trajectory, dt, lead, rename)
     if os.path.lexists(target):
         raise InputError(f"{target} exists already, a bag is written to a new folder")
+    if target.suffix == ".bag":
+        raise InputError(f"cannot save {str(target)!r}: readers take it for a ROS 1 bag; leave out .bag")
     check_writable(target)
     try:
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=".rr1plan.", ignore_cleanup_errors=True) as folder:

@@ -361,6 +361,8 @@ def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
         raise FormatError(f"holds {odd[0].name}, expected regular files", file)
     if not there:
         raise FormatError("there is no such file", file)
+    if bag.is_dir() and bag.suffix == ".bag":
+        raise FormatError("is a folder, expected a file of ROS 1; rename a bag of ROS 2 so that it has no .bag", file)
     if bag.is_dir() and not (bag / "metadata.yaml").exists():
         missing = f"there is no metadata.yaml in the folder {bag}, expected one: a ROS 2 bag is its whole folder"
         raise FormatError(missing + _INTERRUPTED, file)

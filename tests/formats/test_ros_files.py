@@ -140,6 +140,16 @@ def test_a_bag_whose_folder_is_named_like_its_database_is_read(bag: tuple[rp.Tra
         assert load_joint_trajectory(file).joint_names == ("a", "b")
 
 
+def test_a_ros_2_bag_is_not_named_like_one_of_ros_1(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:
+    motion, folder = bag
+    with pytest.raises(InputError, match=r"motion\.bag'.* ROS 1 bag; leave out \.bag"):
+        save_rosbag(tmp_path / "motion.bag", motion)
+    assert not list(tmp_path.iterdir())
+    named = shutil.copytree(folder, tmp_path / "other.bag")
+    with pytest.raises(FormatError, match=r"other\.bag: is a folder, expected a file of ROS 1; rename"):
+        load_joint_trajectory(named)
+
+
 @pytest.fixture(scope="module")
 def ros1_bag(bag: tuple[rp.Trajectory, Path]) -> Callable[..., Path]:
     """Writes a bag of ROS 1 whose points carry the given number of derivatives."""
