@@ -118,3 +118,17 @@ def test_mjcf_is_the_model_that_simulate_uses(rr1_table: rp.Scene, tmp_path: Pat
     start = data.qpos.copy()
     mujoco.mj_step(model, data, 250)
     np.testing.assert_allclose(data.qpos, start, atol=3e-3)  # held by servos without feed-forward
+
+
+FLAT = """<robot name="flat"><link name="base"/><link name="plate"><inertial><mass value="0.3"/>
+<inertia ixx="1.234564e-3" iyy="2.345674e-3" izz="3.580236e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="plate"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
+
+
+def test_moments_of_a_flat_body_are_valid_after_rounding(tmp_path: Path) -> None:
+    (tmp_path / "flat.urdf").write_text(FLAT)
+    scene = rp.Scene().with_arm("arm", rp.load_robot(tmp_path / "flat.urdf"))
+    model = mujoco.MjModel.from_xml_path(str(save_mjcf(tmp_path / "flat.xml", scene)))
+    moments = sorted(model.body("arm/plate").inertia.tolist())
+    np.testing.assert_allclose(moments, [1.234564e-3, 2.345674e-3, 3.580236e-3], rtol=1e-4)
