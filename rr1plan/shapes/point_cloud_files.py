@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, file_path, near_array, number_in
+from rr1plan.checks import Array, file_path, near_array, number_in, shown
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.file_access import MAX_BYTES, read_bytes, read_text
 from rr1plan.files.npy_files import parse_array
@@ -103,12 +103,12 @@ def _without_nan(points: Any, file: Path) -> Any:
 
 def _from_text(text: str) -> Any:
     points: list[list[float]] = []
-    for number, line in enumerate(text.replace('"', " ").replace(",", " ").lower().splitlines(), 1):
-        words = line.split()
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.replace('"', " ").replace(",", " ").lower().split()
         if not words or words[0].startswith("#") or words == ["x", "y", "z"]:
             continue
         if len(words) != 3:
-            raise ValueError(f"line {number}: expected three numbers, got {' '.join(words)!r}")
+            raise ValueError(f"line {number}: expected three numbers, got {shown(line.strip())}")
         try:
             points.append([number_in(word) for word in words])
         except ValueError as error:

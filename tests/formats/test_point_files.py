@@ -265,6 +265,8 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
     "ply without x": ("a.ply", ply("ascii").replace(b"float x", b"float X"), "it has no 'x'"),
     "a line of words": ("a.csv", b"x,y,z\n1,2,3\n\n4,5,six\n", "line 4: 'six' is not a number"),
     "a line of colors": ("a.xyz", b"1 2 3\n1 2 3 255 0 0\n", "line 2: expected three numbers, got '1 2 3 255 0 0'"),
+    "decimal commas": ("a.xyz", b"1,5 2,5 3,5\n", "line 1: expected three numbers, got '1,5 2,5 3,5'"),
+    "a line without an end": ("a.xyz", b"1 2 3 " * 1000, r"got '1 2 3 .{,200}$"),
     "a slip between digits": ("a.xyz", b"1_0 2 3\n", "line 1: '1_0' is not a number"),
     "a suffix": ("a.las", b"", "expected one of"),
     "UTF-16": ("a.csv", "1 2 3\n".encode("utf-16"), "is UTF-16, not UTF-8 text: save it as UTF-8"),
