@@ -360,6 +360,14 @@ def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pyt
     assert "to the tool 'l1'; groups=[('l0', 'l1')] leaves out 'b' and 2 more" in caplog.text
 
 
+def test_a_tool_that_no_joint_moves_is_named_without_advice_to_choose_its_chain(
+    arm: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert rp.load_robot(arm, tool="l0").tool == "l0"
+    assert "no planning joint is on the way to the tool 'l0'" in caplog.text
+    assert "groups=" not in caplog.text
+
+
 def test_an_end_effector_link_beside_a_camera_is_the_tool(arm: Path) -> None:
     frames = "".join(
         f'<link name="{name}"/><joint name="{name}_fixed" type="fixed">'

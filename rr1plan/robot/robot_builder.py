@@ -109,7 +109,8 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
 def _with_arm_end(tree: Tree, robot: Robot, tool: str | None) -> Robot:
     """The robot with the end of an arm as its tool, unless another one is chosen.
 
-    Logs that fingers, wheels or a second arm are planned for, and which chain omits them.
+    Logs that fingers, wheels or a second arm are planned for, and which chain omits them; or that none
+    of the planning joints moves the tool.
     """
     finder = ArmFinder(tree)
     tip = tool or finder.named_tool(robot.base) or finder.hand(robot.base)
@@ -120,7 +121,9 @@ def _with_arm_end(tree: Tree, robot: Robot, tool: str | None) -> Robot:
         tip = finder.above[tip].parent  # above the fingers
     robot = replace(robot, tool=tool or tip)
     others = [name for name in robot.joint_names if name not in arm]
-    if others:
+    if len(others) == len(robot.joint_names):
+        log.warning("%s: no planning joint is on the way to the tool %r", robot.name, robot.tool)
+    elif others:
         left_out = repr(others[0]) + (f" and {len(others) - 1} more" if len(others) > 1 else "")
         log.warning(
             "%s: all %d joints are planned for, to the tool %r; groups=[(%r, %r)] leaves out %s",
