@@ -364,7 +364,9 @@ def _with_rules(scene: Scene, top: Table) -> Scene:
     with top.blame("allowed"):
         scene = replace(scene, allowed=frozenset(allowed))
     with top.blame("padding"):
-        return replace(scene, padding=padding, pair_padding=distances)
+        scene = replace(scene, padding=padding)
+    with top.blame("pair_padding"):
+        return replace(scene, pair_padding=distances)
 
 
 def _read_pair(table: Table, key: str, value: object) -> Pair:

@@ -381,6 +381,14 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         ("allowed = 5\n" + SIMPLE, "scene.toml:1: allowed: expected a list, got 5"),
         ("allowed = [['arm']]\n" + SIMPLE, "expected pairs of names"),
         ("pair_padding = [{ between = ['arm', 'arm/link1'] }]\n" + SIMPLE, "has no 'distance'"),
+        (
+            "pair_padding = [{ between = ['arm', 'box'], distance = 0.1 }]\n" + SIMPLE,
+            "scene.toml:1: pair_padding: unknown element 'box'",
+        ),
+        (
+            SIMPLE + "[[pair_padding]]\nbetween = ['arm', 'arm']\ndistance = -0.1\n",
+            "scene.toml:4: pair_padding: padding is -0.1",
+        ),
         (SIMPLE + "[queries.q]\n", "expected exactly one of goal, goals"),
         (SIMPLE + "[queries.q]\ngoal = 'hme'\n", "queries.q: unknown configuration 'hme'. Did you mean 'home'"),
         (SIMPLE + "[queries.q]\ngoal = { frame = 'tol', position = [1, 0, 0] }\n", "unknown frame 'tol'"),
