@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
@@ -12,7 +13,7 @@ from rr1plan.cli.scene_options import check_scene_name, refuse_sequence
 from rr1plan.cli.standard_input import readable_file
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.scene.model_library import load_scene
+from rr1plan.scene.model_library import load_scene, scene_names
 from rr1plan.sequences.sequence_files import holds_sequence, load_sequence
 from rr1plan.sequences.sequence_plan import SequencePlan
 
@@ -71,12 +72,18 @@ def saved_motion(
     """A motion or a sequence from a file of any kind, or from standard input ("-").
 
     It is validated in a given scene, that of the options, or its own.
+
+    Raises:
+        InputError: a scene or a sequence without a motion; the message names the command that makes one.
     """
     with console.progress("loading the scene"):
         if scene is None and options.scene is not None:
             check_scene_name(options.scene)
             scene = load_scene(options.scene)
     refuse_sequence(file)
+    path = Path(file)
+    if path.suffix.lower() == ".toml" or (file in scene_names() and not path.exists()):
+        raise InputError(f"{file} is a scene, expected a motion; to make one: rr1plan plan {file} --output motion.json")
     checks = checks or {}
     with readable_file(file) as there, console.progress("checking") as advance:
         if options.topic is None and holds_sequence(there):

@@ -122,6 +122,8 @@ def test_questions_may_be_asked_in_many_ways(
         (["lesson", "workspace", "--scene", "rr1", "--html", "a.html"], "rr1 is a robot, expected a scene"),
         (["robots", "rr1_table"], "rr1_table is a scene, expected a robot"),
         (["validate", "nosuch"], "nosuch: there is no such file"),
+        (["validate", "rr1_table"], "rr1_table is a scene, expected a motion; to make one: rr1plan plan rr1_table"),
+        (["play", "cell.toml"], "cell.toml is a scene, expected a motion; to make one: rr1plan plan cell.toml"),
         (["scenes", "."], "scene file '.' has the suffix ''"),
         (["cspace", "planar2r_path", "--joints", "joint1", "joint9", "--resolution", "8"], "joint9"),
         (["cspace", "planar2r_path", "--resolution", "3"], "resolution is 3"),
