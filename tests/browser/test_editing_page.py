@@ -403,6 +403,24 @@ def test_fingers_drag_and_two_of_them_turn_the_camera(calm: Any) -> None:
     calm.ask("RR1.stage.turned = false")
 
 
+@pytest.mark.parametrize("end", ["touchCancel", "touchStart"])
+def test_a_drag_that_is_canceled_or_given_to_the_camera_cannot_be_redone(calm: Any, end: str) -> None:
+    session = calm.page.context.new_cdp_session(calm.page)
+    q, (x, y) = q_of(calm), grab_point(calm, "rr1/upper_arm_link")
+    for kind, shift in [("touchStart", 0), ("touchMove", 10), ("touchMove", 20)]:
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x + shift, "y": y + shift}]})
+    frames(calm)
+    assert np.any(q_of(calm) != q)
+    fingers = [{"x": x + 20, "y": y + 20, "id": 0}, {"x": x + 60, "y": y + 20, "id": 1}]
+    session.send("Input.dispatchTouchEvent", {"type": end, "touchPoints": fingers if end == "touchStart" else []})
+    frames(calm)
+    if end == "touchStart":
+        session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    np.testing.assert_array_equal(q_of(calm), q)
+    calm.page.keyboard.press("Control+y")
+    np.testing.assert_array_equal(q_of(calm), q)
+
+
 def test_what_touches_is_red_and_named(calm: Any, problem: rp.Problem) -> None:
     checker = rp.CollisionChecker(problem.scene)
     low, high = np.array(calm.ask("RR1.limits")).T

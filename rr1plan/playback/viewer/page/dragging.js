@@ -151,7 +151,7 @@ class Dragging {
     this.follow();
     this.end();
     if (!gesture.moved) { if (type === "pointerup") this.choose(gesture.thing); }
-    else if (type === "pointercancel") this.editing.undo();
+    else if (type === "pointercancel") this.editing.discard();
     else if (gesture.thing.kind === "obstacle") this.editing.dropped();
   }
 
@@ -170,7 +170,7 @@ class Dragging {
   /** Gives the pointer of a gesture to the camera, as if it had never moved anything. */
   handBack() {
     const { gesture } = this;
-    if (gesture.moved) this.editing.undo();
+    if (gesture.moved) this.editing.discard();
     this.end();
     giveToCamera(this.viewer.stage.pane, gesture.last || gesture.event);
   }

@@ -256,6 +256,12 @@ class Editing {
   undo() { this.travel(this.past, this.future); }
   redo() { this.travel(this.future, this.past); }
 
+  /** Takes back a canceled edit, which cannot be redone. */
+  discard() {
+    this.undo();
+    this.future.pop();
+  }
+
   travel(from, to) {
     if (!from.length) return;
     to.push(this.snapshot());
