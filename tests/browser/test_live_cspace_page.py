@@ -275,6 +275,18 @@ def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, proble
     np.testing.assert_allclose(fresh.ask("Array.from(RR1.lesson.live.start)"), problem.start)
 
 
+def test_a_playing_motion_plays_on_after_edits_by_keyboard(fresh: Any) -> None:
+    fresh.page.keyboard.press("j")
+    for key in ("ArrowRight", "Control+z"):
+        # A clock that hardly moves does not reach the end of the motion meanwhile.
+        fresh.ask("RR1.setSpeed(0.01), RR1.play()")
+        fresh.ask("window.played = RR1.editing.motion, 0")
+        fresh.page.keyboard.press(key)
+        wait_for_answer(fresh)
+        assert fresh.ask("RR1.editing.motion !== played && RR1.playing"), key
+    fresh.ask("RR1.setSpeed(1)")
+
+
 def test_data_of_another_panel_leaves_the_query_as_it_is(fresh: Any) -> None:
     fresh.ask("RR1.lesson.edits.remember(), RR1.lesson.edits.moveObstacle('violet', 0.7, -1.0)")
     fresh.ask("RR1.lesson.edits.drop()")

@@ -228,6 +228,7 @@ class QueryEdits {
     data.goals = live.goals;
     this.pending = true;
     this.dropped = false;
+    this.resume ||= viewer.playing;
     lesson.placeNames(moving);
     lesson.showUsed();
     this.placeTags();
