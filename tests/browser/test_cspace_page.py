@@ -540,6 +540,27 @@ def test_names_are_whole_in_the_picture(
     assert all(plot[0] <= left and right <= plot[2] for left, _, right, _ in names)
 
 
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
+def test_very_long_names_stay_in_the_pictures_and_in_their_card(
+    tab: Any, tmp_path: FilePath, width: int, height: int
+) -> None:
+    name = "the upper rail of the conveyor " + "beside_the_press_" * 6
+    scene = rp.Scene(name="long").with_arm("arm", rp.planar_arm("RR"))
+    scene = scene.with_obstacle(name, rp.Sphere(0.2), [1.2, 0.0, 0.0])
+    tab.resize(width, height)
+    tab.open(rp.cspace(scene, resolution=CELLS).save_html(tmp_path / "long.html"), READY)
+    texts, plot = written(tab)
+    (label,) = (text for text in texts if text.startswith("the upper rail"))
+    assert plot[0] <= texts[label][0] < texts[label][2] <= plot[2]
+    tag = "(({ scale }) => scale.x / scale.y)([...RR1.lesson.arm.tags.values()][0].tag)"
+    assert tab.ask(tag) < 20  # as wide as 40 letters at most
+    chip = tab.page.locator("#panel-cspace .legend .chip")
+    assert chip.inner_text() == name
+    panel, box = (node.bounding_box() for node in (tab.page.locator("#panel-cspace"), chip))
+    assert box["x"] + box["width"] <= panel["x"] + panel["width"]
+    assert tab.complaints == []
+
+
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 600)])
 def test_goals_are_not_written_over_names(tab: Any, tmp_path: FilePath, width: int, height: int) -> None:
     problem = load_problems("planar2r_path")["to_a_point"]

@@ -173,14 +173,14 @@ class CspaceChart {
     pen.lineWidth = 3 * this.unit;
     data.layers.forEach((layer, k) => {
       if (!layer.spot || (this.lesson.only >= 0 && this.lesson.only !== k)) return;
-      const [px, py] = this.at(share(0, layer.spot[0]), share(1, layer.spot[1])), light = isLight(layer.color);
+      const [px, py] = this.at(share(0, layer.spot[0]), share(1, layer.spot[1])), light = isLight(layer.color), name = pictureName(layer.name);
       // Completely inside the picture, even if the image extends beyond its edge.
-      const { x, size } = this.plot, half = pen.measureText(layer.name).width / 2 + 4 * this.unit;
+      const { x, size } = this.plot, half = pen.measureText(name).width / 2 + 4 * this.unit;
       const middle = Math.max(Math.min(px, x + size - half), x + half);
       pen.strokeStyle = light ? "#fff" : layer.color;
-      pen.strokeText(layer.name, middle, py);
+      pen.strokeText(name, middle, py);
       pen.fillStyle = light ? INK : "#fff";
-      pen.fillText(layer.name, middle, py);
+      pen.fillText(name, middle, py);
       this.taken.push([middle - half, py - 8 * this.unit, middle + half, py + 8 * this.unit]);
     });
     pen.restore();

@@ -40,6 +40,10 @@ function patterned(color, pattern) {
   return `center / 6px url(${canvas.toDataURL()}) ${color}`;
 }
 
+const LONGEST_NAME = 28; // [characters]
+/** A name as written in a picture; legends and messages have it in full. */
+const pictureName = (name) => (name.length > LONGEST_NAME ? `${name.slice(0, LONGEST_NAME - 1)}…` : name);
+
 const modulo = (value, size) => ((value % size) + size) % size;
 const bytes = (packed) => new Uint8Array(viewer.unpack(packed).values.buffer);
 

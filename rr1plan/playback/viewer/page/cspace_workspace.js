@@ -81,7 +81,7 @@ class Workspace {
     const names = new THREE.Group();
     this.tags = new Map();
     for (const { name, color, place } of data.planar.names) {
-      const tag = this.nameTag(name, color, place);
+      const tag = this.nameTag(pictureName(name), color, place);
       this.tags.set(name, { tag, place });
       names.add(tag);
     }
