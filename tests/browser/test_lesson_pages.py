@@ -238,6 +238,15 @@ def test_workspace_steps_and_panels_fit_in_the_window(page: Any, size: tuple[int
     assert page.ask("document.documentElement.scrollWidth") <= size[0]
 
 
+def test_panels_of_every_step_are_whole_in_a_small_window(page: Any, lesson: rp.Lesson) -> None:
+    beyond = {}
+    for k, step in enumerate(lesson.steps):
+        page.ask(f"RR1.steps.go({k})")
+        page.next_frames()
+        beyond[step.name] = page.ask("(panels => panels.scrollHeight - panels.clientHeight)(panels)")
+    assert set(beyond.values()) == {0}, beyond
+
+
 @pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
 def test_steps_beside_two_pictures_leave_no_empty_area(page: Any) -> None:
     page.resize(1024, 768)
