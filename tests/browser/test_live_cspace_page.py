@@ -239,6 +239,33 @@ def test_start_and_goal_are_dragged_in_the_configuration_space(fresh: Any, probl
     np.testing.assert_allclose(fresh.ask("Array.from(RR1.lesson.live.start)"), problem.start)
 
 
+@pytest.mark.parametrize("end", ["touchCancel", "touchStart"])
+def test_a_drag_that_is_canceled_or_given_to_the_camera_moves_nothing(fresh: Any, end: str) -> None:
+    session = fresh.page.context.new_cdp_session(fresh.page)
+
+    def touch(kind: str, *fingers: tuple[float, float]) -> None:
+        points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(fingers)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    camera_at_rest(fresh)
+    q, before = fresh.ask("Array.from(RR1.q)"), place(fresh, "violet")
+    for at in (in_view(fresh, before), in_view(fresh, fresh.ask("RR1.lesson.arm.tool([...RR1.q])"))):
+        x, y = at
+        touch("touchStart", (x, y))
+        for far in (10, 20, 30):
+            touch("touchMove", (x - far, y))
+        fresh.next_frames()
+        assert fresh.ask("Boolean(RR1.lesson.drags.held)")
+        touch(end, *([(x - 30, y), (x + 60, y)] if end == "touchStart" else []))
+        wait_for_answer(fresh)
+        np.testing.assert_allclose(place(fresh, "violet"), before, atol=1e-12)
+        np.testing.assert_allclose(fresh.ask("Array.from(RR1.q)"), q, atol=1e-9)
+        if end == "touchStart":
+            touch("touchEnd")
+    assert fresh.ask("RR1.lesson.edits.past.length") == 0
+    fresh.ask("RR1.lesson.arm.turned = false, RR1.lesson.arm.look()")
+
+
 def test_links_turn_about_their_joints(fresh: Any) -> None:
     fresh.ask("RR1.setQ([0.2, -0.9])")
     elbow, tool = np.array(fresh.ask("RR1.lesson.arm.places([0.2, -0.9])"))[1:]

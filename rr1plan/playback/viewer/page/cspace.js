@@ -498,7 +498,7 @@ class Lesson {
     });
     for (const end of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(end, () => {
-        if (dragged !== null) this.edits.drop();
+        if (dragged !== null) { if (end === "pointercancel") this.edits.cancelDrag(); else this.edits.drop(); }
         held = false;
         mark = dragged = null;
       });

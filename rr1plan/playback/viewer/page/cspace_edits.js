@@ -202,6 +202,12 @@ class QueryEdits {
     if (step && this.live) step(); // unless the program shows another scene meanwhile
   }
 
+  /** Takes back the drag that has not been dropped. */
+  cancelDrag() {
+    this.step = null;
+    this.undo();
+  }
+
   /** After a change: the ghosts move to start and goals, and the clock plays the motion once it is planned. */
   drop() {
     const { lesson } = this;

@@ -3,7 +3,7 @@
 const GRAB = 30; // [px] around the tool
 const THICK = 12; // [px] around the center line of a link, at least
 
-/** Handlers while the pointer is pressed: move(point of the plane) and drop(). */
+/** Handlers while the pointer is pressed: move(point of the plane), drop(), and cancel(), as if nothing had moved. */
 class PlanarDrags {
   constructor(lesson, arm) {
     Object.assign(this, { lesson, arm, held: null, down: null });
@@ -27,8 +27,8 @@ class PlanarDrags {
   }
 
   holdTool() {
-    const { arm, lesson } = this;
-    return { move: (point) => lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1)), drop() {} };
+    const { arm, lesson } = this, q = q2();
+    return { move: (point) => lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1)), drop() {}, cancel: () => lesson.pose(q) };
   }
 
   /** A link rotates about its joint, or slides along it. */
@@ -36,7 +36,7 @@ class PlanarDrags {
     const { arm, lesson } = this, { kinds, senses } = arm.flat, angle = (at) => Math.atan2(at[1] - center[1], at[0] - center[0]);
     const q = q2(), center = arm.places(q)[link], from = angle(point), along = arm.flat.columns(q)[link];
     const moved = (at) => (kinds[link] === "R" ? senses[link] * turn(angle(at) - from) : (at[0] - point[0]) * along[0] + (at[1] - point[1]) * along[1]);
-    return { move: (at) => lesson.pose(q.map((v, axis) => (axis === link ? v + moved(at) : v))), drop() {} };
+    return { move: (at) => lesson.pose(q.map((v, axis) => (axis === link ? v + moved(at) : v))), drop() {}, cancel: () => lesson.pose(q) };
   }
 
   holdObstacle(name, point) {
@@ -46,6 +46,7 @@ class PlanarDrags {
     return {
       move: (at) => edits.dragObstacle(name, x + at[0] - point[0], y + at[1] - point[1]),
       drop: () => edits.drop(),
+      cancel: () => edits.cancelDrag(),
     };
   }
 
@@ -64,7 +65,7 @@ class PlanarDrags {
   }
 
   handBack() {
-    if (this.held) this.held.drop();
+    if (this.held) this.held.cancel();
     this.held = this.grip = null;
     giveToCamera(viewer.stage.pane, this.last);
   }
@@ -86,8 +87,9 @@ class PlanarDrags {
   release(event) {
     const { held, grip, down, arm, lesson } = this;
     this.held = this.grip = this.down = null;
-    if (held) { held.drop(); return; }
-    if (!down) return;
+    const canceled = event.type === "pointercancel";
+    if (held) { if (canceled) held.cancel(); else held.drop(); return; }
+    if (!down || canceled) return;
     if (this.isClick(event, down)) {
       if (grip && grip.name) lesson.edits.select(grip.name); else this.click(event);
     } else if (!grip) arm.turned = true;
