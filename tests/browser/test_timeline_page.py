@@ -127,6 +127,13 @@ def test_many_arms_that_were_planned_here_move_one_after_the_other(
     assert tab.ask("RR1.editing.plan().then((answer) => answer.legs.length)") == 13
     said = tab.page.inner_text("#panel-timeline .said")
     assert said == f"13 arms, {tab.ask('RR1.duration'):.2f} s, planned here one after the other"
+    # The first arm has arrived while the one in the middle moves, and the last one has not begun.
+    found = set()
+    for row in (0, 6, 12):
+        place = place_of(tab, row, 0.5 * tab.ask("RR1.duration"))
+        tab.page.hover(CANVAS, position={**place, "y": 2 / 13 * place["y"]})
+        found.add(tab.page.inner_text("#panel-timeline .said").split(" ", 1)[1])
+    assert found == {"is at its goal", "moves", "stands still"}
     assert tab.complaints == []
 
 

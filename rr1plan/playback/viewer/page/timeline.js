@@ -146,7 +146,8 @@ function words(row, time) {
   const arm = line.arms[row];
   if (!arm) return "";
   const wait = arm.waits.find(([begin, last]) => begin <= time && time <= last);
-  if (!wait) return `${arm.name} ${arm.moves.some(([begin, last]) => begin <= time && time <= last) ? "moves" : "is at its goal"}`;
+  const next = arm.moves.find(([, last]) => time <= last);
+  if (!wait) return `${arm.name} ${!next ? "is at its goal" : next[0] <= time ? "moves" : "stands still"}`;
   const whom = wait[2].map((other) => line.arms[other].name).join(", ");
   return `${arm.name} waits ${(wait[1] - wait[0]).toFixed(2)} s${whom ? ` for ${whom}` : ""}`;
 }
