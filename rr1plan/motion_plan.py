@@ -48,7 +48,8 @@ class MotionPlan(NotebookView):
     and `status` first.
 
     Args:
-        problem: The planning problem; None for a motion from a file without a problem.
+        problem: The planning problem, with the margin that was given, if any; None for a motion from a file without a
+            problem.
         result: The planner's result.
         seconds: Wall time of each stage [s], in order: "imports" (lazy imports of `rr1plan` before the first query of
             the process), "set up" (collision tables, once for each scene), "plan", "shorten", "retime", "validate".

@@ -70,8 +70,9 @@ def plan_motion(
             start and goal is twice as large and, for a goal pose, a configuration has it. If no path with it is found
             but one without, by a search that is sixteen times as short or in the last tenth of the budget (at most 1
             s), it is halved until a brief search finds a path, and is zero if none does. `motion.margin` is what was
-            kept. Because of the halving, a larger margin may keep less than a smaller one: where the start has a
-            clearance of 5 mm, a margin of 2 mm is kept, and one of 3 mm becomes 1.5 mm.
+            kept, `motion.problem.margin` what was given, which pages of the motion also plan with. Because of the
+            halving, a larger margin may keep less than a smaller one: where the start has a clearance of 5 mm, a margin
+            of 2 mm is kept, and one of 3 mm becomes 1.5 mm.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When to stop the planner (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -92,6 +93,8 @@ def plan_motion(
     check_plan_arguments(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     seed = as_seed(rng)
+    if margin is not None:
+        problem = problem.with_margin(margin)  # so that saved motions and their pages plan with it, too
     planner = default_planner(problem, retiming) if planner is None else _known_planner(planner)
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)

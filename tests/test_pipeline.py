@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -155,6 +156,15 @@ def test_every_planner_keeps_the_margin_of_a_question(planner: str) -> None:
     # With a larger margin there is no such path.
     refused = rp.plan(problem.with_margin(0.5), planner=planner, budget=rp.Budget(seconds=0.3), rng=0)
     assert refused.status is rp.PlanStatus.INVALID_START
+
+
+def test_a_page_plans_with_the_margin_of_its_motion(problem: rp.Problem, tmp_path: Path) -> None:
+    motion = rp.plan_motion(problem, margin=0.005, rng=0)
+    assert motion.problem.margin == 0.005
+    saved = rp.load_motion(motion.save(tmp_path / "motion.json"))
+    for each in (motion, saved):
+        assert each.page_content()[0]["planner"]["margin"] == 0.005
+    assert rp.plan_motion(problem, rng=0).problem is problem
 
 
 def test_a_motion_keeps_the_margin_of_its_problem_unless_another_is_given(problem: rp.Problem) -> None:
