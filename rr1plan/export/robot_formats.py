@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rr1plan.checks import Array, file_path, known_name, of_kind
+from rr1plan.checks import file_path, known_name, of_kind
 from rr1plan.errors import InputError, MissingPackageError
 from rr1plan.export.ros_trajectories import Duration, JointTrajectoryMessage, sampled_message
 from rr1plan.files.file_access import check_writable, write_text
@@ -27,7 +27,6 @@ Storage = Literal["mcap", "sqlite3"]
 _STORAGE = {"mcap": "MCAP", "sqlite3": "SQLITE3"}
 TRAJECTORY_TOPIC = "/joint_trajectory"
 STATE_TOPIC = "/joint_states"
-_ROUNDING = 2e-5  # of sums of three numbers with six digits, relative to the largest
 
 
 def save_rosbag(
@@ -146,21 +145,7 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     joints = {joint.name: joint for joint in world.spec.joints}
     for name, arm in scene.arms.items():
         _add_ranges(world.spec, joints, name, arm.robot)
-    for body in world.spec.bodies:
-        _raise_moments(body, world.model.body_inertia[body.id])
     return write_text(path, world.to_xml())
-
-
-def _raise_moments(body: Any, moments: Array) -> None:
-    """Raise the moments of inertia of a flat body, of which rounded ones may violate MuJoCo's condition A + B >= C.
-
-    Args:
-        body: The body in an `MjSpec`.
-        moments: Its principal moments [kg m²], shape (3,).
-    """
-    largest = float(moments.max())
-    if moments.sum() - 2.0 * largest < _ROUNDING * largest:
-        body.fullinertia[:3] += _ROUNDING * largest
 
 
 def _add_ranges(spec: Any, joints: Mapping[str, Any], arm: str, robot: Robot) -> None:

@@ -36,6 +36,9 @@ from rr1plan.transforms import position_and_quaternion, quaternion_from_rotation
 _NO_MASS = 1e-9
 # MuJoCo refuses principal moments below 1e-14 [kg m²].
 _LEAST_MOMENT = 1e-12
+# Nor a largest moment above the sum of the others, to which that of a flat body is equal; this share of the sum remains
+# below it in MJCF files, which have six digits.
+_LARGEST_MOMENT = 1.0 - 2e-5
 # Smallest inertia for the gains of a servo, also the motor inertia of massless joints; a joint that carries less than
 # the second value counts as massless [kg m² or kg].
 _LEAST_CARRIED = 1e-4
@@ -178,13 +181,6 @@ def stack_memory(degrees_of_freedom: int) -> int:
     return int(_LEAST_MEMORY + _PAIR_MEMORY * degrees_of_freedom**2 + _CONTACT_MEMORY * degrees_of_freedom)
 
 
-def _new_spec() -> mujoco.MjSpec:
-    spec = mujoco.MjSpec()
-    # Rounded or estimated inertias of descriptions may violate the triangle inequality.
-    spec.compiler.balanceinertia = True
-    return spec
-
-
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
     try:
         with _groups_without_prefix():
@@ -215,7 +211,7 @@ class _Builder:
 
     def __init__(self, scene: Scene, timestep: float, solver: Solver) -> None:
         self.scene = scene
-        self.spec = _new_spec()
+        self.spec = mujoco.MjSpec()
         self._geom_options = GeomOptions(self.spec)
         self.spec.modelname = scene.name
         self.spec.option.timestep = timestep
@@ -252,7 +248,7 @@ class _Builder:
             return
         size = 2 * math.isqrt(len(arms))
         for start in range(0, len(arms), size):
-            group = _new_spec()
+            group = mujoco.MjSpec()
             group.default.name = f"arms{start}"
             for arm in arms[start : start + size]:
                 self._add_arm(group.worldbody, arm)
@@ -383,9 +379,13 @@ def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
 
 
 def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
+    moments, axes = np.linalg.eigh(inertial.inertia)
     inertia = inertial.inertia
-    if np.linalg.eigvalsh(inertia)[0] < _LEAST_MOMENT:  # a point or nearly one
-        inertia = inertia + _LEAST_MOMENT * np.eye(3)
+    if moments[0] < _LEAST_MOMENT:  # a point or nearly one
+        inertia, moments = inertia + _LEAST_MOMENT * np.eye(3), moments + _LEAST_MOMENT
+    excess = moments[2] - _LARGEST_MOMENT * (moments[0] + moments[1])
+    if excess > 0.0:  # flat, or of moments that no body has
+        inertia = inertia - excess * np.outer(axes[:, 2], axes[:, 2])
     body.explicitinertial = True
     body.mass = inertial.mass
     body.ipos = inertial.com
