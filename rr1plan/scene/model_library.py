@@ -203,8 +203,7 @@ def locate_robot(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Pa
         raise InputError(f"{file} is a scene, expected a robot; load_scene reads scenes, and their arms have robots")
     if isinstance(name_or_file, Path) or len(file.parts) > 1 or _is_foreign(file) or file.exists():
         raise InputError(
-            f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
-            f"{_conversion(file)}"
+            f"robot file {str(file)!r} {_fault(file)}, expected .urdf, .xacro or .xml (MJCF){_conversion(file)}"
         )
     more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf, .xacro or MJCF file."
     raise UnknownNameError("robot", name_or_file, (*robot_names(), *installed), more)
@@ -213,6 +212,11 @@ def locate_robot(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Pa
 def _is_foreign(file: Path) -> bool:
     """Whether a name is that of a file in another program's format, rather than the name of a model with a dot."""
     return file.suffix.lower() in _FOREIGN_SUFFIXES
+
+
+def _fault(file: Path) -> str:
+    """Why a path cannot be that of a robot or a scene."""
+    return "is a folder" if file.is_dir() else f"has the suffix {file.suffix!r}"
 
 
 def _conversion(file: Path) -> str:
@@ -369,7 +373,5 @@ def _scene_file(name_or_file: str | Path) -> Path:
         or (name not in scene_names() and file.exists())
     ):
         expected = ", ".join(_SCENE_SUFFIXES)
-        raise InputError(
-            f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}{_conversion(file)}"
-        )
+        raise InputError(f"scene file {str(file)!r} {_fault(file)}, expected one of {expected}{_conversion(file)}")
     return models_folder() / "scenes" / f"{known_name('scene', name, scene_names())}.toml"
