@@ -42,8 +42,9 @@ static double distance_to_box(const Vec3 *point, PlacedBody placed) {
     return sqrt_number(square);
 }
 
-// A lower bound of the distance of two placed bodies from their balls and boxes [m]; it stops at `enough`.
-static double bounding_gap(PlacedBody a, PlacedBody b, double enough) {
+// A lower bound of the distance of two placed bodies from their balls and boxes [m]; it stops at `enough`. Inline,
+// because passing both bodies in memory takes longer than the bound.
+INLINE double bounding_gap(PlacedBody a, PlacedBody b, double enough) {
     double ra = shape_of(a)->ball_radius, rb = shape_of(b)->ball_radius;
     double gap = point_distance(a.center, b.center) - ra - rb;
     if (gap < enough && !is_point(b)) gap = max_number(gap, distance_to_box(a.center, b) - ra);
