@@ -19,7 +19,7 @@ from rr1plan.multi.paths.placed_path import box_around, placed_configuration
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.coordination import are_apart, cross_pairs
 from rr1plan.planners import RrtConnect
-from rr1plan.planners.collision_messages import describe_collision
+from rr1plan.planners.collision_messages import contacts_without, describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, GoalSet, check_start, joint_goals
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
@@ -89,8 +89,10 @@ def preflight(
         query = agent.query({}, 0.0)
         with checker_from_pool(query.scene, query.arms) as checker:
             blocked = "" if _is_usable(checker, query.start) else check_start(query, checker)
+            # Stationary arms may be in collision, too: then the message is not about this arm only.
+            subject = "" if blocked and contacts_without(checker, query.start, [arm]) else f"{arm}: "
         if blocked:
-            return Preflight({}, {}, PlanStatus.INVALID_START, f"{arm}: {blocked}")
+            return Preflight({}, {}, PlanStatus.INVALID_START, f"{subject}{blocked}")
     touching = _first_contact(agents, starts, near)
     if touching is not None:
         return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")

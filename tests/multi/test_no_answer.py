@@ -83,6 +83,15 @@ def test_held_arms_in_contact_are_named(planar2r: rp.Robot) -> None:
     assert "'left/link2' and 'right/link2'" in result.reason
 
 
+def test_an_arm_that_does_not_move_and_is_in_contact_is_not_called_another_arm(planar2r: rp.Robot) -> None:
+    scene = _facing(planar2r).with_arm("third", planar2r, (0.0, 5.0, 0.0))
+    scene = scene.with_obstacle("post", rp.Box((0.2, 0.2, 0.2)), (0.9, 6.2, 0.0))
+    problem = rp.Problem(scene, None, {"left": [1.0, 0.5], "right": [1.0, 0.5]})
+    result = plan_many_arms(problem, rng=0)
+    assert result.status is PlanStatus.INVALID_START
+    assert result.reason.startswith("the start is in collision: 'third/")
+
+
 @pytest.mark.parametrize("depth", [0.001, 0.005, 0.05])
 def test_goals_that_exclude_each_other_are_named(planar2r: rp.Robot, depth: float) -> None:
     scene = rp.Scene().with_arm("left", planar2r, (-1.7 - 0.04 + depth / 2, 0.0, 0.0))
