@@ -368,6 +368,18 @@ def _further_goals(
             yield further
 
 
+def margins_up_to(largest: float) -> tuple[float, ...]:
+    """The margins to try in turn [m]: the largest one, its halves above those of `MARGINS`, and smaller ones of these.
+
+    Args:
+        largest: The largest margin [m].
+    """
+    halves = [largest]
+    while halves[-1] > 2.0 * MARGINS[0]:
+        halves.append(0.5 * halves[-1])
+    return (*halves, *(m for m in MARGINS if m < halves[-1]))
+
+
 def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
     """The largest margin such that an agent has twice as much clearance at its start and goal [m].
 
@@ -379,7 +391,7 @@ def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
     query = agent.query({}, 0.0)
     with checker_from_pool(query.scene, query.arms) as checker:
         room = min(checker.moving_clearance(q, 2.0 * largest) for q in (agent.start, goal)) if largest > 0.0 else 0.0
-    return next((m for m in (largest, *MARGINS) if m <= largest and 2.0 * m <= room), 0.0)
+    return next((m for m in margins_up_to(largest) if 2.0 * m <= room), 0.0)
 
 
 def _is_usable(checker: CollisionChecker, q: Array) -> bool:

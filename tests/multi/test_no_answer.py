@@ -330,6 +330,16 @@ def test_ends_near_contact_leave_a_margin_that_the_referee_can_tell_from_contact
     assert MARGINS[-1] >= 10.0 * TOUCH
 
 
+def test_a_margin_that_the_ends_do_not_allow_is_halved_and_not_abandoned(planar2r: rp.Robot) -> None:
+    starts, goals = {"left": [1.0, 0.0], "right": [2.0, 0.5]}, {"left": [-1.0, 0.0], "right": [-2.0, 0.5]}
+    problem = rp.Problem(_facing(planar2r), starts, goals)
+    result = plan_many_arms(problem, margin=0.3, rng=0)
+    assert result.trajectory is not None
+    margins = rp.validate(result.trajectory, problem.scene, problem).margins
+    assert margins["clearance_start"].value < 2.0 * 0.3
+    assert margins["clearance"].value > 0.149
+
+
 def test_of_several_goals_one_that_is_reached_is_taken(planar2r: rp.Robot, assert_safe: Check) -> None:
     sealed = _sealed(planar2r)
     starts = sealed.scene.split(sealed.start, sealed.arms)

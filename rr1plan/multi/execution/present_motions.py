@@ -17,7 +17,7 @@ from rr1plan.multi.execution.running_plan import Part, RunningPlan
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.placed_path import placed_configuration
-from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.preflight import margins_up_to
 from rr1plan.multi.timing.coordination import Blocked, are_apart, may_touch
 from rr1plan.multi.timing.passing_order import closed_diagram
 from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times
@@ -45,7 +45,7 @@ class PresentMotions:
         for arm, parts in plan.parts.items():
             self.replace(arm, parts)
         self._near = arms_in_reach(plan.scene, plan.arms, plan.margin)
-        self._margins = (plan.margin, *(m for m in MARGINS if m < plan.margin))
+        self._margins = margins_up_to(plan.margin)
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
         self._placements: dict[tuple[tuple[str, ...], bytes], CStruct] = {}
 

@@ -19,7 +19,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.paths.placed_path import placed_configuration
-from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.preflight import MARGINS, margins_up_to
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.path import Path
@@ -202,7 +202,7 @@ class PathPool:
     def _with_most_margin(self, leg: Problem, found: PlanResult, search: Stopwatch, iterations: int) -> PlanResult:
         """A path with the largest of the smaller margins for which one is found, or else the one with the least."""
         largest, self.margin = self.margin, MARGINS[-1]
-        for margin in (m for m in MARGINS[:-1] if m < largest):
+        for margin in (m for m in margins_up_to(largest) if MARGINS[-1] < m < largest):
             result = self._search(leg.with_margin(margin), search, iterations)
             if result.found:
                 self.margin = margin

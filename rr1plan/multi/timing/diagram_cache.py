@@ -9,7 +9,7 @@ import numpy as np
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.in_parallel import in_parallel
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.preflight import MARGINS, margins_up_to
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
 from rr1plan.multi.timing.schedule import extended
@@ -27,7 +27,7 @@ class DiagramCache:
 
     def __init__(self, largest: float = MARGINS[0], watch: Stopwatch | None = None) -> None:
         self._stop = (watch or Stopwatch(np.inf)).stop
-        self._sizes = (largest, *(m for m in MARGINS if m < largest), 0.0)
+        self._sizes = (*margins_up_to(largest), 0.0)
         self._margins: dict[tuple[Agent, Agent, bytes, bytes], float] = {}
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
 
