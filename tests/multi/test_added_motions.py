@@ -291,6 +291,7 @@ def test_an_arm_that_rests_in_the_way_yields_and_comes_back(planar2r: rp.Robot) 
     added = rp.add_motion(plan, "left", [-0.9, 0.5], at=1.0, budget=_BUDGET, rng=1)
     assert added.stage == "yield", added.reason
     assert added.blocked_by == ("idle",)
+    assert "idle yields, there after" in repr(added)
     np.testing.assert_allclose(added.plan.goal("idle"), [-np.pi / 2, 0.0])
     assert rp.validate(added.plan.trajectory, scene).certified
     _assert_same_before(plan, added.plan, 1.3)
@@ -308,6 +309,7 @@ def test_two_arms_that_rest_in_the_way_both_yield(planar2r: rp.Robot) -> None:
     added = rp.add_motion(there.plan, "left", [-0.9, 0.5], at=0.0, budget=_BUDGET, rng=1)
     assert added.stage == "yield", added.reason
     assert added.blocked_by == ("idle", "other")
+    assert "idle, other yield, there after" in repr(added)
     assert rp.validate(added.plan.trajectory, scene).certified
     _assert_same_before(there.plan, added.plan, 0.3)
     for arm in added.blocked_by:

@@ -85,7 +85,8 @@ class AddedMotion(Value):
     def __repr__(self) -> str:
         if not self.found:
             return f"AddedMotion({self.reason})"
-        yielding = f", {', '.join(self.blocked_by)} yield" if self.blocked_by else ""
+        verb = "yields" if len(self.blocked_by) == 1 else "yield"
+        yielding = f", {', '.join(self.blocked_by)} {verb}" if self.blocked_by else ""
         return f"AddedMotion(by {self.stage}{yielding}, there after {self.arrival:.3f} s)"
 
 
