@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -297,13 +298,18 @@ def _search_roadmap(
     search.growRoadmapPtc(at_once)  # these two only create their generators
     search.expandRoadmapPtc(at_once)
     seeds_used()
-    checks, result = float(_FIRST_ROADMAP), OmplResult(None)
+    checks, result, deadline = float(_FIRST_ROADMAP), OmplResult(None), watch.deadline
     nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
     while not watch.over:
         search.growRoadmapPtc(_after(watch, int(checks)))
         search.expandRoadmapPtc(_after(watch, int(checks) // _EXPANSION))
         checks *= _ROADMAP_GROWTH
+        began = time.perf_counter()
         result = _query_roadmap(search, information, query)
+        now = time.perf_counter()
+        # Growth ends in time for the last query, which takes less than twice as long as this one.
+        watch.deadline = deadline - 2.0 * (now - began)
+        watch.over = watch.over or now >= watch.deadline
         if result.waypoints is None:
             continue
         length = float(np.linalg.norm(np.diff(result.waypoints, axis=0), axis=1).sum())

@@ -402,3 +402,23 @@ def test_a_search_that_samples_forever_can_be_cancelled():
     problem = rp.Problem(scene, [-0.45757534, 0.44876184], [rp.JointGoal(goal) for goal in goals])
     result = rp.plan(problem, planner="aorrtc", budget=budget, rng=0, progress=progress)
     assert result.status is rp.PlanStatus.CANCELLED
+
+
+@pytest.mark.parametrize("planner", ["PRM", "PRMstar"])
+def test_roadmaps_leave_time_for_their_last_query(monkeypatch, planner):
+    clock, dijkstra = [0.0], ompl_adapter.dijkstra
+
+    def tick(seconds=1e-4):
+        clock[0] += seconds
+        return clock[0]
+
+    def slow(graph, **options):
+        tick(2e-4 * graph.shape[0])
+        return dijkstra(graph, **options)
+
+    monkeypatch.setattr(time, "perf_counter", tick)
+    monkeypatch.setattr(ompl_adapter, "dijkstra", slow)
+    found, watch = solve(planner, seconds=3.0, iterations=None, edge_valid=lambda a, b: a[0] * b[0] > 0)
+    assert watch.over
+    assert found.waypoints is None
+    assert 2.0 < clock[0] <= 3.0
