@@ -56,8 +56,9 @@ class OmplQuery:
         return OmplQuery(lower, upper, start, goals, self.state_valid, self.edge_valid)
 
 
-# AORRTC may sample states forever between two termination checks; after this many the search may be cancelled.
-_STATES = 100
+# AORRTC may sample states forever between two termination checks. After the first number of states the search may be
+# cancelled; the second one, which no planner needs, ends it.
+_STATES, _MOST_STATES = 100, 5_000
 
 
 @dataclass(eq=False)
@@ -137,7 +138,7 @@ class Watch:
         self._states += 1
         if self._states % _STATES == 0:
             self._ask()
-        if time.perf_counter() >= self.deadline:
+        if self._states >= _MOST_STATES or time.perf_counter() >= self.deadline:
             self.over = True
         return not self.over
 

@@ -404,6 +404,14 @@ def test_a_search_that_samples_forever_can_be_cancelled():
     assert result.status is rp.PlanStatus.CANCELLED
 
 
+def test_a_search_that_samples_forever_ends_under_iterations_alone():
+    budget = Budget(seconds=float("inf"), iterations=200)
+    problem = rp.load_problems("planar2r_path")["elbow_flip"]
+    result = rp.plan(problem, planner="aorrtc", budget=budget, rng=0)
+    assert result.found
+    assert 0 < result.iterations < 200
+
+
 @pytest.mark.parametrize("planner", ["PRM", "PRMstar"])
 def test_roadmaps_leave_time_for_their_last_query(monkeypatch, planner):
     clock, dijkstra = [0.0], ompl_adapter.dijkstra
