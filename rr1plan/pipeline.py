@@ -18,6 +18,7 @@ from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
 from rr1plan.import_clock import import_clock
 from rr1plan.motion_plan import MotionPlan
+from rr1plan.planners import MANY_ARMS_PLANNERS as MANY_ARMS_PLANNERS
 from rr1plan.planners import chosen_planner, planner_names
 from rr1plan.planners.margin_search import halved_margin, plan_with_margin
 from rr1plan.planners.shortcut import shorten as shorten_path
@@ -31,9 +32,7 @@ from rr1plan.validation.moving_scene import moving_scene
 
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
-_MANY_ARMS, _ANYTIME = "many_arms", "many_arms_anytime"
-MANY_ARMS_PLANNERS = (_MANY_ARMS, _ANYTIME)
-"""Planners that plan a path for each arm and schedule them; they make trajectories, not paths."""
+_MANY_ARMS, _ANYTIME = MANY_ARMS_PLANNERS
 _LEAVES_PATHS = "ruckig_direct"
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2

@@ -32,6 +32,7 @@ from rr1plan.planning import (
 from rr1plan.scene.problem import Problem
 
 __all__ = [
+    "MANY_ARMS_PLANNERS",
     "AnytimePlanner",
     "CartesianPlanner",
     "OmplPlanner",
@@ -48,6 +49,8 @@ __all__ = [
     "register_planner",
 ]
 
+MANY_ARMS_PLANNERS = ("many_arms", "many_arms_anytime")
+"""Planners of `plan_motion` that plan a path for each arm and schedule them; they make trajectories, not paths."""
 _ROWS = (
     PlannerInfo(RrtConnect.name, "RRT-Connect as one compiled loop (Kuffner, LaValle 2000; Yershova et al. 2005)"),
     PlannerInfo(
@@ -117,7 +120,7 @@ def register_planner(
     """
     check_text("name", name)
     check_text("description", description)
-    if name in planner_names() or not name:
+    if name in (*planner_names(), *MANY_ARMS_PLANNERS) or not name:
         reason = "the name is taken; choose another one, or pass an instance instead of a name" if name else "no name"
         raise InputError(f"a planner cannot be registered as {name!r}: {reason}")
     if not callable(factory):

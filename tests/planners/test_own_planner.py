@@ -136,6 +136,7 @@ def test_a_registered_planner_has_a_name_like_any_other(problem: rp.Problem) -> 
     [
         ("mine", ViaPoint, "the name is taken"),
         ("rrt_connect", ViaPoint, "the name is taken"),
+        ("many_arms", ViaPoint, "the name is taken"),
         ("", ViaPoint, "no name"),
         ("other", "ViaPoint", "factory is 'ViaPoint'"),
     ],
