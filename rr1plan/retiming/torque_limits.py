@@ -67,8 +67,8 @@ def check_gravity(
 def _too_heavy(static: Array, joint_names: tuple[str, ...], effort: Array) -> RetimingError:
     k, j = np.unravel_index(int(np.argmax(np.abs(static) / effort)), static.shape)
     return RetimingError(
-        f"joint {joint_names[j]!r}: holding the arm still against gravity takes {abs(static[k, j]):.6g} on the path, "
-        f"its effort limit is {effort[j]:.6g}; no timing can help"
+        f"joint {joint_names[j]!r}: holding the arm still against gravity takes {abs(static[k, j]):.6g} Nm (or N) "
+        f"on the path, its effort limit is {effort[j]:.6g}; no timing can help"
     )
 
 

@@ -139,6 +139,7 @@ def test_held_objects_weigh(rr1):
 
 def test_gravity_that_may_exceed_its_limit_between_samples_is_named_with_that_torque():
     line = Pieces(np.ones(1), np.array([[[0.0], [1.0]]]))
-    with pytest.raises(rp.RetimingError, match=r"'arm/j': holding the arm still .* takes 1\.485 on the path, .* is 1;"):
+    said = r"'arm/j': holding the arm still .* takes 1\.485 Nm \(or N\) on the path, .* is 1;"
+    with pytest.raises(rp.RetimingError, match=said):
         # 0.99 and -0.99 at the samples, every 0.02 rad.
         torque_stretch(line, ("arm/j",), np.ones(1), lambda q, qd, qdd: 0.99 * np.cos(50.0 * np.pi * q))
