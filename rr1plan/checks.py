@@ -124,6 +124,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
         want is not None and got != want for got, want in zip(array.shape, shape, strict=True)
     ):
         wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + (",)" if len(shape) == 1 else ")")
+        wanted = "a number" if not shape else "a list of numbers" if shape == (None,) else wanted
         raise InputError(f"{name} has shape {array.shape}, expected {wanted}")
     if not np.isfinite(array).all():
         bad = np.argwhere(~np.isfinite(array))[0]

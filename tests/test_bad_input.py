@@ -90,6 +90,12 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         rp.InputError,
         "expected finite numbers",
     ),
+    "far_configuration": (
+        lambda s: s.arms["arm"].robot.configuration(np.array([0, 1e9])),
+        rp.InputError,
+        r"configuration is \[0.0, 1000000000.0\], expected finite numbers within",
+    ),
+    "nested_step": (lambda s: resting(s, 1.0).sample([[0.1]]), rp.InputError, r"shape \(1, 1\), expected a number"),
     "derivative_duration": (
         lambda s: rp.Trajectory.rest(["a/x"], [0.0])(0.0, np.timedelta64(1, "s")),
         rp.InputError,

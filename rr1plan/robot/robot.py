@@ -205,7 +205,8 @@ class Robot(Value, NotebookView):
         entries: Any = value  # of that shape
         joints = ", ".join(n for n, v in zip(self.joint_names, entries, strict=True) if not _is_joint_value(v))
         if joints:
-            raise InputError(f"{name} is {shown(value)}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
+            got = shown(entries.tolist() if isinstance(entries, np.ndarray) else entries)
+            raise InputError(f"{name} is {got}, expected finite numbers within ±{FARTHEST:g} (joint {joints})")
         return read_only(finite_array(name, value, (self.nq,)))
 
     @cached_property

@@ -332,6 +332,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + 'q = "hme"\n', "Did you mean 'home'"),
         (SIMPLE + "q = [nan, 0]\n", "q[0] is nan"),
         (SIMPLE + 'q = ["1", 0]\n', "expected a list of numbers, got '1'"),
+        (SIMPLE + "q = [[1, 0]]\n", "q has shape (1, 2), expected a list of numbers"),
         (SIMPLE + "xyz = [1, 2]\n", "xyz has shape (2,), expected (3,)"),
         (SIMPLE + "rpy = [0, 0, 1]\nquaternion = [1, 0, 0, 0]\n", "got rpy and quaternion"),
         (SIMPLE + "quaternion = [0, 0, 0, 0]\n", "norm 0"),
