@@ -74,3 +74,8 @@ def test_a_mesh_does_not_change_with_the_arrays_it_was_made_from() -> None:
     mesh = Mesh(vertices, np.array([[0, 1, 2]]))
     vertices[0, 0] = 7.0
     assert mesh.vertices[0, 0] == 0.0
+
+
+def test_a_cloud_says_how_many_points_it_has():
+    assert repr(PointCloud([[0, 0, 0]])).startswith("PointCloud(1 point, ")
+    assert repr(PointCloud([[0, 0, 0], [1, 0, 0]])).startswith("PointCloud(2 points, ")

@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, finite_array, near_array, number_array, positive_length, read_only, shown
+from rr1plan.checks import (
+    Array,
+    Value,
+    counted,
+    finite_array,
+    near_array,
+    number_array,
+    positive_length,
+    read_only,
+    shown,
+)
 from rr1plan.errors import InputError
 
 
@@ -203,7 +213,7 @@ class PointCloud(Value):
         object.__setattr__(self, "resolution", positive_length("point cloud resolution", self.resolution))
 
     def __repr__(self) -> str:
-        return f"PointCloud({len(self.points)} points, resolution={self.resolution})"
+        return f"PointCloud({counted(len(self.points), 'point')}, resolution={self.resolution})"
 
 
 Color = tuple[float, float, float, float]
