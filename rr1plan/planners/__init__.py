@@ -136,7 +136,8 @@ def make_planner(name: str) -> Planner:
         UnknownNameError: no such planner; the message lists them.
         PlannerError: the factory of a registered planner raised an exception, or did not return a planner.
     """
-    if known_name("planner", name, planner_names()) in _OWN:
+    advice = f"plan_motion takes {name!r}, which makes a motion, not a path." if name in MANY_ARMS_PLANNERS else ""
+    if known_name("planner", name, planner_names(), advice) in _OWN:
         return _OWN[name]()
     try:
         planner = _registered[name].factory()

@@ -251,3 +251,5 @@ def test_a_planner_without_a_name_or_a_base_is_refused(problem: rp.Problem) -> N
     for wrong in (ViaPoint, 3, None):
         with pytest.raises(rp.InputError, match="expected a name of planner_names"):
             rp.plan(problem, planner=wrong)
+    with pytest.raises(rp.errors.UnknownNameError, match="plan_motion takes 'many_arms', which makes a motion"):
+        rp.plan(problem, planner="many_arms")
