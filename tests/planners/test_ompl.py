@@ -430,3 +430,30 @@ def test_roadmaps_leave_time_for_their_last_query(monkeypatch, planner):
     assert watch.over
     assert found.waypoints is None
     assert 2.0 < clock[0] <= 3.0
+
+
+IMPORTED_SLOWLY = """
+import sys
+import time
+
+import rr1plan as rp
+
+late, clock = [0.0], time.perf_counter
+
+class Slow:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        late[0] += 60.0 * (name == "ompl.base")
+
+time.perf_counter = lambda: clock() + late[0]
+sys.meta_path.insert(0, Slow)
+problem = rp.load_problems("rr1_cage")["into_cage"]
+print(rp.plan(problem, planner="ompl_rrt_connect", budget=rp.Budget(seconds=40), rng=0).status, late)
+"""
+
+
+def test_the_import_of_ompl_is_not_taken_from_the_budget():
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED_SLOWLY], capture_output=True, text=True, timeout=100, cwd=ROOT, check=False
+    )
+    assert done.stdout == "found [60.0]\n", done.stderr
