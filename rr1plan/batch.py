@@ -48,8 +48,8 @@ from rr1plan.checks import (
 from rr1plan.errors import BackendError, InputError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.multi.in_parallel import processors
-from rr1plan.pipeline import MANY_ARMS_PLANNERS, check_many_arms_retiming
-from rr1plan.planners import chosen_planner, is_own
+from rr1plan.pipeline import check_many_arms_retiming
+from rr1plan.planners import MANY_ARMS_PLANNERS, chosen_planner, is_own
 from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
 from rr1plan.retiming import retiming_names
 from rr1plan.scene.problem import Problem

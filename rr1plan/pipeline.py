@@ -18,8 +18,7 @@ from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
 from rr1plan.import_clock import import_clock
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.planners import MANY_ARMS_PLANNERS as MANY_ARMS_PLANNERS
-from rr1plan.planners import chosen_planner, planner_names
+from rr1plan.planners import MANY_ARMS_PLANNERS, chosen_planner, planner_names
 from rr1plan.planners.margin_search import halved_margin, plan_with_margin
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_plan_arguments

@@ -11,7 +11,8 @@ from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.errors import InputError
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.pipeline import MANY_ARMS_PLANNERS, default_planner
+from rr1plan.pipeline import default_planner
+from rr1plan.planners import MANY_ARMS_PLANNERS
 from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ import pytest
 
 from rr1plan.cli import BAD_INPUT, NO_PLAN, OK, run
 from rr1plan.cli.parser import build_parser
-from rr1plan.pipeline import MANY_ARMS_PLANNERS
-from rr1plan.planners import planner_names
+from rr1plan.planners import MANY_ARMS_PLANNERS, planner_names
 from rr1plan.retiming import retiming_names
 
 _, COMMANDS = build_parser()
