@@ -13,6 +13,7 @@ from rr1plan.lessons.lesson_scenes import refuse_problem, require_flat_arm
 from rr1plan.lessons.mathml import math, matrix
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_page import page_parts
+from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.viewer.page_document import pack_array
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_robot
@@ -61,12 +62,17 @@ class KinematicsLesson(Lesson):
         bend = self.flat.senses[1] * (0.02 - float(np.angle(second / first)))
         return float(self.scene.arms[self.arm_name].q[0]), float(np.clip(bend, limits.lower[1], limits.upper[1]))
 
+    @property
+    def reach(self) -> float:
+        """The length of both links; of an arm without lengths, a gantry, the radius of the tool's region [m]."""
+        return sum(abs(bar) for bar in self.flat.bars) or reach_of(self.flat, self.robot.limits).radius
+
     def scales(self) -> tuple[float, float, tuple[float, float]]:
         """Lengths on the picture: of velocities per singular value, of forces per reciprocal one, and of columns of J.
 
         All are proportional to the arm's reach, whether the columns of J are (revolute joints) or not.
         """
-        size = sum(abs(bar) for bar in self.flat.bars) / REACH or 1.0
+        size = self.reach / REACH
         turning = self.flat.kinds == "RR"
         first, second = (2.0 * SPEED * (1.0 if kind == "R" else size) for kind in self.flat.kinds)
         return SPEED * (1.0 if turning else size), PULL * (size**2 if turning else size), (first, second)
@@ -119,6 +125,7 @@ class KinematicsLesson(Lesson):
                 "slides": [[way.real, way.imag] for way in self.flat.slides],
             },
             "colors": {"x": X_AXIS, "y": Y_AXIS, "velocity": VELOCITY, "force": FORCE},
+            "size": self.reach / REACH,
             "scales": self.scales(),
         }
 
@@ -192,7 +199,7 @@ class KinematicsLesson(Lesson):
         else:
             axes.plot(*self.flat.points(q).T, "-", color="#c9ced6", lw=1.5, zorder=0)
         for sizes, scale, color, label, line in kinds:
-            sizes = np.minimum(sizes * scale, 1.2 * (sum(abs(bar) for bar in self.flat.bars) or REACH))
+            sizes = np.minimum(sizes * scale, 1.2 * self.reach)
             patch = drawn(tuple(tip), 2 * sizes[0], 2 * sizes[1], angle=angle, fill=False, edgecolor=color, ls=line)
             patch.set(linewidth=1.2 if faint else 2.4, alpha=0.7 if faint else 1.0, label=None if faint else label)
             axes.add_patch(patch)
@@ -350,9 +357,9 @@ def _steps(lesson: KinematicsLesson) -> tuple[LessonStep, ...]:
             "jacobian",
             "The Jacobian",
             f"""{math(matrix((_dot("x"),), (_dot("y"),)), "=", _live("J", 2), _dot("q"), block=True)}
-            <p>The tool velocity is linear in the joint velocities. Column k, drawn as an arrow at half its length, is
-            the velocity of the tool when joint k alone moves {_columns(kinds)}. Forces map the other way, by the
-            transpose: τ = J<sup>T</sup> F.</p>""",
+            <p>The tool velocity is linear in the joint velocities. Column k, drawn as an
+            arrow{"" if kinds == "PP" else " at half its length"}, is the velocity of the tool when joint k alone moves
+            {_columns(kinds)}. Forces map the other way, by the transpose: τ = J<sup>T</sup> F.</p>""",
         ),
         (
             "ellipses",

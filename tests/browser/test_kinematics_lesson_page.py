@@ -138,3 +138,12 @@ def test_the_other_solution_of_an_arm_that_slides_is_shown_within_its_limits(tab
     tab.ask("RR1.setQ([1.9, 0.4])")
     assert live(tab, "two") == "out of range"
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize("size", [0.1, 10.0])
+def test_the_frames_of_a_gantry_fit_its_range(tab: Any, tmp_path: Path, size: float) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (size, 0.8 * size)))
+    tab.open(rp.lesson("kinematics", scene).save_html(tmp_path / "gantry.html"))
+    shown = "RR1.arm.frames[0][0].visible && RR1.arm.frames[0][0].geometry.attributes.position.array"
+    assert 0.05 < np.max(tab.ask(f"Array.from({shown})")) / size < 0.2
+    assert tab.complaints == []

@@ -365,13 +365,14 @@ def test_texts_on_kinematics_are_about_the_arm_shown(tmp_path: Path) -> None:
     assert lesson.determinant(np.array(lesson.steps[-1].q)) == pytest.approx(0.7 * np.sin(0.02), abs=1e-6)
 
 
+@pytest.mark.parametrize("kinds", ["RR", "PP"])
 @pytest.mark.parametrize("size", [0.1, 10.0])
-def test_ellipses_grow_with_the_arm(size: float) -> None:
-    lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm("RR", (size, 0.7 * size))))
+def test_ellipses_grow_with_the_arm(size: float, kinds: str) -> None:
+    lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm(kinds, (size, 0.7 * size))))
     figure = lesson.figure()
     ellipses = [patch for patch in figure.axes[0].patches if hasattr(patch, "width") and patch.get_label() is not None]
     wide = max(patch.width for patch in ellipses if patch.get_label() == "velocity ellipse")
-    assert 0.2 < wide / (1.7 * size) < 0.6
+    assert 0.2 < wide / ({"RR": 1.7, "PP": 0.6}[kinds] * size) < 0.6
 
 
 def test_the_figure_of_a_gantry_shows_its_range() -> None:

@@ -11,7 +11,7 @@ class Kinematics {
   constructor() {
     this.shown = new Set();
     this.group = new THREE.Group();
-    this.size = this.reach() / 1.7;
+    this.size = own.size; // scales the drawing
     this.makeFrames();
     this.makeTwin();
     this.columns = [own.colors.x, own.colors.y].map((color) => this.arrow(color));
@@ -25,11 +25,6 @@ class Kinematics {
     viewer.on("change", () => this.follow());
     this.live = [...root.querySelectorAll("[data-live]")];
     this.legend = steps.corner("kinematics");
-  }
-
-  /** The reach of the tool, which scales the drawing. */
-  reach() {
-    return flat.bars.map(([x, y]) => Math.hypot(x, y)).reduce((a, b) => a + b, 0) || 1.7;
   }
 
   show(...names) {
