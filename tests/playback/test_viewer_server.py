@@ -220,7 +220,14 @@ async def look(viewer: Viewer, times: int, away: float) -> None:
 def test_wait_ends_when_the_page_has_been_opened_and_closed(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_viewer, "_RELOAD", 0.2)
     assert not viewer.wait(0.3)
-    looker = threading.Thread(target=asyncio.run, args=(look(viewer, 1, 0.0),))
+    waiting, usual = threading.Event(), viewer._ended.wait
+    monkeypatch.setattr(viewer._ended, "wait", lambda timeout: (waiting.set(), usual(timeout))[1])
+
+    def open_and_close() -> None:
+        assert waiting.wait(20)  # what has been closed before does not count
+        asyncio.run(look(viewer, 1, 0.0))
+
+    looker = threading.Thread(target=open_and_close)
     looker.start()
     assert viewer.wait(20)
     looker.join()
