@@ -247,6 +247,16 @@ def test_panels_of_every_step_are_whole_in_a_small_window(page: Any, lesson: rp.
     assert set(beyond.values()) == {0}, beyond
 
 
+@pytest.mark.parametrize("lesson", ["motion"], indirect=True)
+def test_the_workspace_is_in_the_middle_below_numbers_in_a_line(page: Any, lesson: rp.Lesson) -> None:
+    page.resize(820, 1180)
+    page.next_frames()
+    x, y = page.ask("(({ x, y }) => [x, y])(RR1.editing.picker.project({ x: 0, y: 0, z: 0 }))")
+    pane = page.page.locator("#pane").bounding_box()
+    assert x == pytest.approx(0.5 * pane["width"], abs=20)
+    assert y == pytest.approx(0.5 * pane["height"], abs=40)
+
+
 @pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
 def test_steps_beside_two_pictures_leave_no_empty_area(page: Any) -> None:
     page.resize(1024, 768)

@@ -213,7 +213,9 @@ class Stage {
           const distance = Math.sqrt((near - nearest) * (far - nearest)) + nearest, [x0, x1, y0, y1] = seen(distance);
           if (x1 - x0 < room.right - room.left && y1 - y0 < room.top - room.bottom) far = distance; else near = distance;
         }
-        if (!best || far < best.distance) best = { distance: far, room };
+        // A room in the middle may be a little smaller than one beside a card.
+        const cost = far * (1 + 0.2 * Math.abs(room.left + room.right));
+        if (!best || cost < best.cost) best = { distance: far, cost, room };
       }
       return best;
     });
