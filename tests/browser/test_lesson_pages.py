@@ -247,6 +247,18 @@ def test_panels_of_every_step_are_whole_in_a_small_window(page: Any, lesson: rp.
     assert set(beyond.values()) == {0}, beyond
 
 
+@pytest.mark.parametrize("lesson", ["planning", "potential_fields", "motion", "six_joints"], indirect=True)
+def test_panels_are_whole_and_fill_a_tall_window(page: Any, lesson: rp.Lesson) -> None:
+    page.resize(820, 1180)
+    beyond = {}
+    for k, step in enumerate(lesson.steps):
+        page.ask(f"RR1.steps.go({k})")
+        page.next_frames()
+        beyond[step.name] = page.ask("(panels => panels.scrollHeight - panels.clientHeight)(panels)")
+        assert page.ask("Math.max(...[...panels.children].map((p) => p.getBoundingClientRect().right))") > 800
+    assert set(beyond.values()) == {0} or lesson.name == "six_joints", beyond  # one panel of many parts, which scrolls
+
+
 @pytest.mark.parametrize("lesson", ["motion"], indirect=True)
 def test_the_workspace_is_in_the_middle_below_numbers_in_a_line(page: Any, lesson: rp.Lesson) -> None:
     page.resize(820, 1180)
