@@ -147,3 +147,17 @@ def test_the_frames_of_a_gantry_fit_its_range(tab: Any, tmp_path: Path, size: fl
     shown = "RR1.arm.frames[0][0].visible && RR1.arm.frames[0][0].geometry.attributes.position.array"
     assert 0.05 < np.max(tab.ask(f"Array.from({shown})")) / size < 0.2
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize("size", [(390, 844), (820, 1180)], ids=lambda s: f"{s[0]}x{s[1]}")
+def test_formulas_are_as_large_as_their_text_in_narrow_windows(page: Any, size: tuple[int, int]) -> None:
+    page.resize(*size)
+    page.ask("RR1.steps.go(3)")
+    formula, text = page.ask(
+        """['math', 'p'].map((part) => document.querySelector(`#panel-steps article:not([hidden]) ${part}`))
+        .map((node) => parseFloat(getComputedStyle(node).fontSize))"""
+    )
+    fits = page.ask("(texts => texts.scrollWidth <= texts.clientWidth)(RR1.steps.texts)")
+    page.resize(960, 640)
+    assert formula >= text
+    assert fits
