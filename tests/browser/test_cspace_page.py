@@ -561,6 +561,17 @@ def test_very_long_names_stay_in_the_pictures_and_in_their_card(
     assert tab.complaints == []
 
 
+def test_a_long_title_leaves_the_workspace_its_room_in_a_small_window(tab: Any, tmp_path: FilePath) -> None:
+    name = "A very long name of a scene, with the press, the conveyor and the shelf behind it"
+    scene = rp.Scene(name=name).with_arm("arm", rp.planar_arm("RR"))
+    tab.resize(640, 360)  # as at a zoom of 200 %
+    tab.open(rp.cspace(scene, resolution=40).save_html(tmp_path / "title.html"), READY)
+    base, reach = (in_view(tab, [x, 0.0, 0.0]) for x in (0.0, 1.8))
+    assert reach[0] - base[0] > 75
+    assert base[1] - (reach[0] - base[0]) > tab.page.locator(".readout").bounding_box()["y"]
+    assert tab.complaints == []
+
+
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 600)])
 def test_goals_are_not_written_over_names(tab: Any, tmp_path: FilePath, width: int, height: int) -> None:
     problem = load_problems("planar2r_path")["to_a_point"]
