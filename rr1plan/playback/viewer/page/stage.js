@@ -214,7 +214,7 @@ class Stage {
           if (x1 - x0 < room.right - room.left && y1 - y0 < room.top - room.bottom) far = distance; else near = distance;
         }
         // A room in the middle may be a little smaller than one beside a card.
-        const cost = far * (1 + 0.2 * Math.abs(room.left + room.right));
+        const cost = far * (1 + 0.1 * Math.abs(room.left + room.right));
         if (!best || cost < best.cost) best = { distance: far, cost, room };
       }
       return best;
