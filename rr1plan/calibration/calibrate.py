@@ -214,32 +214,33 @@ def _check_count(robot: Robot, count: int, *, free_base: bool) -> None:
 
 
 def _check_units(robot: Robot, data: MeasuredPoints, readings: str) -> None:
-    """Reject readings and positions that are too far apart for the joints' ranges and the links' lengths.
+    """Reject readings that vary by more than the range of a joint, and positions by more than the reach of the robot.
 
-    Medians, because single readings and positions may be outliers.
+    Median deviations from the median, because single readings and positions may be outliers.
 
     Args:
         robot: The robot.
         data: The measurements.
         readings: Name of the readings in messages.
     """
-    apart = np.median(np.abs(data.turns - np.median(data.turns, axis=0)), axis=0)
+    deviations = np.median(np.abs(data.turns - np.median(data.turns, axis=0)), axis=0)
     ranges = robot.limits.upper - robot.limits.lower
-    for name, far, most in zip(robot.joint_names, apart.tolist(), ranges.tolist(), strict=True):
-        if far > max(most, _LEAST_RANGE):
+    for name, deviation, most in zip(robot.joint_names, deviations.tolist(), ranges.tolist(), strict=True):
+        if deviation > max(most, _LEAST_RANGE):
             unit = robot.joint(name).unit
             raise InputError(
                 f"{readings} seem to be in {'mm' if unit == 'm' else 'degrees'} instead of {unit}: half of those of "
-                f"joint {name!r} are more than {far:.3g} {unit} from their median, and its range is {most:.3g} {unit}"
+                f"joint {name!r} are more than {deviation:.3g} {unit} from their median, and its range is {most:.3g} "
+                f"{unit}"
             )
     reach = sum(float(np.linalg.norm(joint.origin[:3, 3])) for joint in robot.joints)
     reach += sum(max(abs(joint.lower), abs(joint.upper)) for joint in robot.joints if joint.unit == "m")
     reach += float(np.linalg.norm(data.points, axis=1).max())
-    far = float(np.median(np.linalg.norm(data.positions - np.median(data.positions, axis=0), axis=1)))
-    if far > 2.0 * reach:
+    deviation = float(np.median(np.linalg.norm(data.positions - np.median(data.positions, axis=0), axis=1)))
+    if deviation > 2.0 * reach:
         raise InputError(
-            f"positions seem to be in mm instead of m: half of them are more than {far:.3g} m from their median, and "
-            f"the point is never more than {reach:.3g} m from the base"
+            f"positions seem to be in mm instead of m: half of them are more than {deviation:.3g} m from their median, "
+            f"and the point is never more than {reach:.3g} m from the base"
         )
 
 
