@@ -146,6 +146,18 @@ def test_arms_that_move_as_one_wait_while_others_move(planar2r: rp.Robot) -> Non
     assert Schedule(path, legs[:2]).waiting_of_arms == pytest.approx(0.5 + 4.0)
 
 
+def test_arms_that_move_all_the_time_never_wait_less_than_no_time(planar2r: rp.Robot) -> None:
+    scene = place_grid(planar2r, 1, 2, spacing=4.0)
+    rng = np.random.default_rng(0)
+    for points in rng.uniform(-1.0, 1.0, (40, 4, 4)):
+        start, goal = (dict(zip(scene.arms, np.split(points[k], 2), strict=True)) for k in (0, -1))
+        agent = Agent(rp.Problem(scene, start, goal), scene.arms)
+        path = AgentPath(agent, Path(agent.joint_names, points), None)
+        schedule = Schedule(path, (Leg(0.0, 0, path.segments),))
+        assert schedule.waiting == 0.0
+        assert 0.0 <= schedule.waiting_of_arms < 1e-9
+
+
 def test_rest_between_two_segments_is_free_where_either_is() -> None:
     blocked = np.array([[0, 0, 0, 0], [0, 1, 0, 0], [0, 1, 1, 0], [0, 0, 0, 0]], np.uint8)
     made = extended(blocked)

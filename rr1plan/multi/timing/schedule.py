@@ -98,7 +98,7 @@ class Schedule:
     @property
     def waiting(self) -> float:
         """Time that it rests before its final arrival [s]."""
-        return self.arrival - sum(self.leg_duration(leg) for leg in self.legs)
+        return max(0.0, self.arrival - sum(self.leg_duration(leg) for leg in self.legs))
 
     @property
     def length(self) -> float:
@@ -119,7 +119,8 @@ class Schedule:
             moves, times = np.diff(lengths[:, gridpoints], axis=1) != 0.0, self.instants(leg)
             moving += moves @ np.diff(times)
             arrival = np.maximum(arrival, np.where(moves, times[1:], 0.0).max(axis=1))
-        return float((arrival - moving).sum())
+        # The sum of the moves is rounded differently.
+        return float(np.maximum(arrival - moving, 0.0).sum())
 
     @cached_property
     def occupancy(self) -> Occupancy:
