@@ -94,17 +94,33 @@ INLINE int64_t add_candidate(int64_t count, const NearBody *near, f64x8 h, const
     return candidate->lanes ? count + 1 : count;
 }
 
-// Whether all pairs of a group with others like it, and with obstacles, are known to be free.
-INLINE int is_settled(int64_t group, const SceneTables *scene, const Scratch *scratch) {
+// Column of the joint that carries a group.
+INLINE int64_t column_of_group(int64_t group, const SceneTables *scene) {
+    return scene->arm->joints[scene->arm->groups[group].joint].column;
+}
+
+// Whether a column belongs to the only arm whose pairs are open.
+INLINE int is_open_column(int64_t column, const Scratch *scratch) {
+    return scratch->first_open_column <= column && column < scratch->last_open_column;
+}
+
+// Whether all pairs of a group with obstacles are known to be free.
+INLINE int obstacles_are_settled(int64_t group, const SceneTables *scene, const Scratch *scratch) {
+    return scratch->last_open_column != 0 && !is_open_column(column_of_group(group, scene), scratch);
+}
+
+// Whether all pairs of two groups are known to be free, or left out.
+INLINE int pairs_are_settled(int64_t group, int64_t other, const SceneTables *scene, const Scratch *scratch) {
     if (scratch->last_open_column == 0) return 0;
-    int64_t column = scene->arm->joints[scene->arm->groups[group].joint].column;
-    return column < scratch->first_open_column || column >= scratch->last_open_column;
+    int64_t one = column_of_group(group, scene), two = column_of_group(other, scene);
+    if (!is_open_column(one, scratch) && !is_open_column(two, scratch)) return 1;
+    return scratch->left_out[one] || scratch->left_out[two];
 }
 
 // List the obstacles that the ball around a group may come too near, with the lanes. Returns their number.
 INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     if (scratch->has_free_end && scratch->speeds[g] == 0.0) return 0;
-    if (is_settled(g, scene, scratch)) return 0;
+    if (obstacles_are_settled(g, scene, scratch)) return 0;
     SphereRef ball = ball_of_group(g, scene->arm);
     int alone = scene->arm->groups[g].last_body - scene->arm->groups[g].first_body == 1;
     int64_t count = 0;
@@ -192,7 +208,7 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
     int64_t shared = groups->shared, pairs = groups->last - groups->first, count = 0;
     const double *speeds = scratch->speeds + shared * arm->group_stride;
     if (scratch->has_free_end && speeds[groups->group] == 0.0 && speeds[groups->other] == 0.0) return 0;
-    if (is_settled(groups->group, scene, scratch) && is_settled(groups->other, scene, scratch)) return 0;
+    if (pairs_are_settled(groups->group, groups->other, scene, scratch)) return 0;
     if (groups->map >= 0 && map_is_free(groups->map, groups->first, 0.0, 1.0, scene, scratch)) return 0;
     uint64_t near = ALL_LANES;
     if (pairs > 1) {

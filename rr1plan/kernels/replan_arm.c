@@ -188,6 +188,7 @@ static int64_t shorten_motion(ArmReplan *search, int64_t count, uint64_t *random
 EXPORT int64_t rr1_replan_arm(ArmReplan *search, uint64_t *random, const SceneTables *scene, Scratch *scratch) {
     scratch->first_open_column = search->first_column;
     scratch->last_open_column = search->first_column + search->width;
+    scratch->left_out = search->left_out;
     int64_t count = grow_timed_tree(search, search->times[search->count - 1], random, scene, scratch);
     if (count) count = shorten_motion(search, count, random, scene, scratch);
     scratch->last_open_column = 0;

@@ -12,6 +12,7 @@ typedef struct {
     int64_t column_count;
     int64_t first_column;  // of the arm
     int64_t width;
+    const uint8_t *left_out;  // 1 for columns of arms that are ignored, shape (column_count,)
     const double *velocity;  // largest speeds of the arm, shape (width,)
     const double *lower;     // its position limits, shape (width,)
     const double *upper;

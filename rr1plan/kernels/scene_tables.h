@@ -140,6 +140,7 @@ typedef struct {
     // Columns of the only arm whose pairs are open, all other pairs are known to be free; last column 0: any pair is.
     int64_t first_open_column;
     int64_t last_open_column;  // one past
+    const uint8_t *left_out;   // 1 for columns of arms that this arm may touch; only if there is such an arm
     int64_t open_count;  // of `open`; -1: the whole edge is left to the exact kernel
     int64_t batches;     // of eight intervals
     double middles[8];

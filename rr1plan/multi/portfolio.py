@@ -66,8 +66,8 @@ class GroupResult:
 
     Args:
         arms: Its arms.
-        stage: The last stage that was needed: "timing", "detours", "eviction", "windows", "composite" or "sequential",
-            or the method "conflict_based_search"; empty if none did.
+        stage: The last stage that was needed: "timing", "detours", "eviction", "space-time", "composite", "windows" or
+            "sequential", or the method "conflict_based_search"; empty if none did.
         seconds: Wall time [s].
         reason: Why there is no solution, as text; empty if there is one.
         statistics: Counts of the search's operations.

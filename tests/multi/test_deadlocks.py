@@ -108,7 +108,7 @@ def test_they_are_solved_and_the_stage_is_named(name: str, seed: int, planar2r: 
     assert_safe(problem, result)
     stages = {group.stage for group in result.groups if len(group.arms) > 1}
     assert stages
-    assert stages <= {"detours", "eviction", "composite", "windows"}
+    assert stages <= {"detours", "eviction", "space-time", "composite", "windows"}
 
 
 def test_a_cycle_of_many_arms_is_solved_by_windows(planar2r: rp.Robot, assert_safe: Check) -> None:

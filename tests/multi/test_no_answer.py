@@ -23,6 +23,7 @@ from rr1plan.multi.search.coupled_windows import CoupledWindows
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.retreats import RetreatSearch
+from rr1plan.multi.search.space_time import SpaceTimeSearch
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.planning import Budget, PlanStatus, Progress
 from rr1plan.robot.joint_limits import Limits
@@ -453,6 +454,7 @@ def test_no_stage_begins_after_the_deadline(rr1: rp.Robot, monkeypatch: pytest.M
     def begin(*_: object) -> None:
         begun.append(1)
 
+    monkeypatch.setattr(SpaceTimeSearch, "solve", lambda _: None)
     monkeypatch.setattr(CoupledWindows, "solve", solve)
     for stage in ("prepare_diagrams", "time_first_paths", "fastest_alone"):
         monkeypatch.setattr(GroupSchedules, stage, begin)

@@ -7,15 +7,17 @@ searches its configurations and time for another motion that takes no longer tha
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
+from rr1plan.robot.joint_limits import Limits
 
-# Samples of a search, and shortcuts of the motion that it finds.
-_SAMPLES, _SHORTCUTS = 60, 15
+_SAMPLES = 60  # of a search
+_SHORTCUTS = 15  # of the motion that is found
 # A new motion takes at most this share of the present duration, or as long as the others or the arm alone need.
 _SAVING = 0.9
 # An arm is replanned only if the others need less than this share of the present duration.
@@ -51,33 +53,66 @@ def replanned(path: PacedPolyline, checker: CollisionChecker, rng: np.random.Gen
     times = times[kept] * (most / times[-1])
     given = points[kept]
     given[-1] = points[-1]
+    found = search_in_time(checker, times, given, own, path.limits, rng, samples=_SAMPLES)
+    if found is None:
+        return None
+    knot_times, knots = found
+    instants = np.union1d(times, knot_times)
+    made = np.column_stack([np.interp(instants, times, column) for column in given.T])
+    made[:, own] = np.column_stack([np.interp(instants, knot_times, q) for q in knots.T])
+    return made
+
+
+def search_in_time(
+    checker: CollisionChecker,
+    times: Array,
+    points: Array,
+    own: slice,
+    limits: Limits,
+    rng: np.random.Generator,
+    *,
+    samples: int,
+    left_out: NDArray[np.uint8] | None = None,
+) -> tuple[Array, Array] | None:
+    """Search for a motion of one arm among others whose motions are given.
+
+    Args:
+        checker: Certifies edges of the joints of all arms.
+        times: Times of the waypoints, ascending from 0 [s], shape (n,).
+        points: Waypoints of all arms, shape (n, nq); of the arm itself only its start and its goal matter.
+        own: Columns of the arm.
+        limits: Limits of all joints; a missing velocity limit counts as 1.
+        rng: Source of random numbers.
+        samples: Largest number of samples.
+        left_out: 1 for columns of arms that are ignored, shape (nq,) (default: none).
+
+    Returns:
+        Times [s], shape (m,), and waypoints of the arm at its velocity limits or slower, shape (m, width); None if no
+        motion is found.
+    """
     nq, width = points.shape[1], own.stop - own.start
-    knots, knot_times = np.empty((_SAMPLES + 2, width)), np.empty(_SAMPLES + 2)
+    velocity = limits.velocity[own]
+    knots, knot_times = np.empty((samples + 2, width)), np.empty(samples + 2)
     search = CStruct(
         "ArmReplan",
         times=times,
-        points=given,
-        count=len(given),
+        points=points,
+        count=len(points),
         column_count=nq,
         first_column=own.start,
         width=width,
-        velocity=path.velocity[own].copy(),
-        lower=path.limits.lower[own].copy(),
-        upper=path.limits.upper[own].copy(),
-        samples=_SAMPLES,
+        left_out=np.zeros(nq, np.uint8) if left_out is None else left_out,
+        velocity=np.where(np.isfinite(velocity), velocity, 1.0),
+        lower=limits.lower[own].copy(),
+        upper=limits.upper[own].copy(),
+        samples=samples,
         shortcuts=_SHORTCUTS,
-        vertices=np.empty((_SAMPLES + 1, width)),
-        reached=np.empty(_SAMPLES + 1),
-        parents=np.empty(_SAMPLES + 1, np.int64),
+        vertices=np.empty((samples + 1, width)),
+        reached=np.empty(samples + 1),
+        parents=np.empty(samples + 1, np.int64),
         knots=knots,
         knot_times=knot_times,
         memory=np.empty(2 * (nq + width)),
     )
-    state = random_state(int(rng.integers(2**63)))
-    count = checker.run_edge_kernel(load_library().rr1_replan_arm, search, state)
-    if count == 0:
-        return None
-    instants = np.union1d(times, knot_times[:count])
-    made = np.column_stack([np.interp(instants, times, column) for column in given.T])
-    made[:, own] = np.column_stack([np.interp(instants, knot_times[:count], q) for q in knots[:count].T])
-    return made
+    count = checker.run_edge_kernel(load_library().rr1_replan_arm, search, random_state(int(rng.integers(2**63))))
+    return (knot_times[:count], knots[:count]) if count else None

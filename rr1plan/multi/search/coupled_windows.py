@@ -19,12 +19,12 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.nominal_clock import SAME, Track, knots, nominal_track
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
-from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.problem import Problem
 
 _FIRST = 0.1  # half width of the first window, as a fraction of the makespan
@@ -34,24 +34,6 @@ _SHORTCUTS = 48
 # Largest total number of windows per arm.
 _MOST_WINDOWS = 6
 _HALVINGS = 5  # bisections of an edge before the contact on it is located
-# Tolerance for equal instants, and shortest step; the slowest arm alone takes 1 on the nominal clock.
-_SAME, _SHORTEST = 1e-9, 1e-6
-
-
-class Track(NamedTuple):
-    """A polyline on the nominal clock; constant after its last waypoint.
-
-    Args:
-        times: Time of each waypoint, ascending from 0, shape (n,).
-        points: Waypoints, shape (n, nq).
-    """
-
-    times: Array
-    points: Array
-
-    def at(self, times: Array) -> Array:
-        """Configurations at some instants, shape (k, nq)."""
-        return np.asarray(np.column_stack([np.interp(times, self.times, column) for column in self.points.T]))
 
 
 class _Window(NamedTuple):
@@ -60,22 +42,6 @@ class _Window(NamedTuple):
     arms: frozenset[str]
     begin: float
     end: float
-
-
-def nominal_track(waypoints: Array, limits: Limits, unit: float = 1.0) -> Track:
-    """Time a path at the velocity limits of its joints, with linear motion between waypoints.
-
-    Args:
-        waypoints: Waypoints, shape (n, nq).
-        limits: Limits of its joints.
-        unit: Unit of its times [s].
-    """
-    fastest = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
-    steps = np.abs(np.diff(waypoints, axis=0))
-    moves = steps.any(axis=1)
-    # A lower bound on the durations keeps the ends of each step distinct.
-    durations = np.maximum((steps[moves] / fastest).max(axis=1) / unit, _SHORTEST)
-    return Track(np.concatenate([[0.0], np.cumsum(durations)]), waypoints[np.concatenate([[True], moves])])
 
 
 class CoupledWindows:
@@ -158,11 +124,7 @@ class CoupledWindows:
 
     def _knots(self, arms: Iterable[str], begin: float = 0.0) -> Array:
         """Instants from `begin` on at which some arm is at a waypoint."""
-        times = np.unique(np.concatenate([[begin], *(self.tracks[arm].times for arm in arms)]))
-        times = times[times >= begin]
-        # Keep the last of nearly equal instants, which preserves the end.
-        kept: Array = times[np.append(np.diff(times) > _SAME, True)]
-        return kept
+        return knots([self.tracks[arm] for arm in arms], begin)
 
     def _composite(self, arms: Iterable[str], times: Array) -> Array:
         return np.asarray(np.hstack([self.tracks[arm].at(times) for arm in arms]))
@@ -273,7 +235,7 @@ class CoupledWindows:
         turns = points[-1] - self._composite(agent.arms, np.array([window.end]))[0]
         for arm, columns in agent.columns.items():
             old = self.tracks[arm]
-            before, behind = old.times < window.begin - _SAME, old.times > window.end + _SAME
+            before, behind = old.times < window.begin - SAME, old.times > window.end + SAME
             self.tracks[arm] = Track(
                 np.concatenate([old.times[before], window.begin + track.times, old.times[behind] + shift]),
                 np.concatenate([old.points[before], track.points[:, columns], old.points[behind] + turns[columns]]),
@@ -286,7 +248,7 @@ class CoupledWindows:
         ]
         self._solved = [
             other._replace(begin=other.begin + shift, end=other.end + shift)
-            if other.arms & window.arms and other.begin >= window.end - _SAME
+            if other.arms & window.arms and other.begin >= window.end - SAME
             else other
             for other in kept
         ]

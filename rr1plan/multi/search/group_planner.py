@@ -1,9 +1,9 @@
 """Plans an interaction group by one method after the other, until one schedules all of its agents.
 
-For up to four arms, their joint space is searched first, which takes milliseconds. Groups of up to sixteen are then
-coupled in time windows (`coupled_windows.py`), or move one arm at a time (`sequential_moves.py`). If these fail, and in
-larger groups, agents are scheduled one after the other (`prioritized.py`), in turn with further rounds of both. The
-effort of the rounds grows.
+Groups of three to sixteen arms are planned one arm after the other in space and time (`space_time.py`) first; of two to
+four, in their joint space, which takes milliseconds. Then they are coupled in time windows (`coupled_windows.py`), or
+move one arm at a time (`sequential_moves.py`). If these fail, and in larger groups, agents are scheduled one after the
+other (`prioritized.py`), in turn with further rounds of both. The effort of the rounds grows.
 """
 
 from __future__ import annotations
@@ -24,14 +24,17 @@ from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves
+from rr1plan.multi.search.space_time import SpaceTimeSearch
 from rr1plan.path import Path
 
 NO_TIME = "no time was left to schedule it"
 """Reason of a group whose search did not begin."""
 COUPLED_FIRST = 16
-"""Largest number of agents of a group for which windows are tried before coordination diagrams are computed."""
+"""Largest number of agents of a group for which no coordination diagrams are computed first."""
 PLANNED_AS_ONE = 4
-"""Largest number of agents of a group whose joint space is searched first."""
+"""Largest number of agents of a group whose joint space is searched."""
+IN_TIME_FROM = 3
+"""Smallest number of agents of a group that is searched in space and time; for two, their joint space is faster."""
 _ATTEMPTS = 3  # attempts at a path in the joint space of a few arms
 _STATIONARY = 0.7  # fraction of the other arms that an arm's initial path avoids in later rounds of windows
 _ROUNDS_OF_SAME_EFFORT = 4  # rounds of windows and sequential moves until their effort is doubled
@@ -93,9 +96,10 @@ class GroupPlanner:
             self._prioritized.reschedule_last()
 
     def _plan_together(self, rounds: int) -> bool:
-        """Search with windows, sequential moves and a few arms as one; returns whether all agents are scheduled."""
-        few = len(self.group.agents) <= PLANNED_AS_ONE
-        if few and self._plan_few():
+        """Search for motions of all arms as one agent, or in windows; returns whether all agents are scheduled."""
+        count = len(self.group.agents)
+        few = count <= PLANNED_AS_ONE
+        if (count >= IN_TIME_FROM and self._plan_in_time()) or (few and self._plan_few()):
             return True
         for effort in range(rounds):
             if self.group.impossible or not self._watch.goes_on():
@@ -143,6 +147,18 @@ class GroupPlanner:
         group.statistics.add_time("paths", began)
 
     # ---- all arms as one agent ---------------------------------------------------------------
+
+    def _plan_in_time(self) -> bool:
+        """Plan arms one after the other in space and time; returns whether this succeeded."""
+        group, began = self.group, time.perf_counter()
+        pool = group.pool_of(group.arms)
+        paths = {arm: alone.paths[0].path.waypoints for arm, alone in group.alone.items()}
+        points = SpaceTimeSearch(pool.agent, paths, pool.margin, self._rng, self._watch).solve()
+        if points is not None:
+            with suppress(RetimingError):
+                pool.add_shortened([Path(pool.agent.joint_names, points)])
+        group.statistics.add_time("space-time", began)
+        return group.adopt([pool], "space-time")
 
     def _plan_few(self) -> bool:
         """Plan a few agents as one; returns whether a path was found."""

@@ -18,7 +18,7 @@ from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.schedule import Schedule
 
-STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
+STAGES = ("timing", "detours", "eviction", "space-time", "composite", "windows", "sequential")
 """Stages of a search, in order of cost."""
 # Ratios to the duration of the slowest arm alone: a makespan that is good enough, and one above which another method is
 # tried.
