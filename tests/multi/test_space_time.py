@@ -95,3 +95,12 @@ def test_the_stage_of_a_ring_is_named(rr1: rp.Robot) -> None:
     assert [group.stage for group in result.groups] == ["space-time"]
     assert result.trajectory is not None
     assert rp.validate(result.trajectory, problem.scene, problem).certified
+
+
+def test_arms_that_already_are_at_their_goals_stay_there(planar2r: rp.Robot) -> None:
+    problem = planar_ring(planar2r, 3)
+    stationary = rp.Problem(problem.scene, problem.start, problem.scene.split(problem.start))
+    assert _search(stationary, 0).solve() is None  # there is no motion to search for
+    result = rp.plan_many_arms(stationary, rng=0)
+    assert result.found
+    assert result.makespan == 0.0

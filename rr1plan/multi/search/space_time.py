@@ -48,6 +48,8 @@ class SpaceTimeSearch:
         """Waypoints of all arms from their starts to their goals, shape (n, nq); None if none are found."""
         order = self._rng.permutation(self._agent.arms).tolist()
         slowest = max(float(track.times[-1]) for track in self._alone.values())
+        if slowest == 0.0:
+            return None
         with checker_from_pool(self._agent.query({}, self._margin).scene, self._agent.arms, self._margin) as checker:
             for factor in np.linspace(1.0, _LONGEST, _ATTEMPTS * len(order)).tolist():
                 tracks = self._plan_in_order(checker, order, factor * slowest)
