@@ -34,6 +34,7 @@ from rr1plan.path import MOST_SAMPLES, arms_of, check_joint_names
 
 _MOST_DERIVATIVE = 100
 _LARGEST_ROUNDING = 1e-6  # of times [s]
+_FINE_ROUNDING = 1e-12  # of times, for which coefficients are not adapted [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +218,10 @@ class Trajectory(Value, NotebookView):
             raise InputError(
                 f"seconds is {seconds:g}, which rounds times to {rounding:.3g} s, expected a time within ±4e9 s"
             )
-        return self._with_rounded(breaks, self.coefficients)
+        late = ((breaks - seconds) - self.breaks)[: len(self.coefficients)]
+        # Else positions would jump where pieces begin at times since 1970.
+        coarse = np.abs(late) > _FINE_ROUNDING
+        return self._with_rounded(breaks, _begin_later(self.coefficients, np.where(coarse, late, 0.0)))
 
     def cut(self, begin: float, end: float) -> Trajectory:
         """The motion between two times; before its start and after its end it rests.
@@ -361,10 +365,7 @@ class Trajectory(Value, NotebookView):
         # Most breaks are breaks of this trajectory, where its coefficients are kept.
         shift = starts - self.breaks[piece]
         rows = np.flatnonzero(shift)
-        old, shift = self.coefficients[piece[rows]], shift[rows]
-        for k in range(terms):
-            for j in range(k + 1, terms):
-                out[rows, k] += comb(j, k) * old[:, j] * (shift ** (j - k))[:, None]
+        out[rows, :terms] = _begin_later(out[rows, :terms], shift[rows])
         out[~inside] = 0.0
         out[~inside, 0] = self(np.where(starts[~inside] < self.breaks[0], self.breaks[0], self.breaks[-1]))
         return out
@@ -379,6 +380,15 @@ def locate(breaks: Array, times: Array) -> tuple[NDArray[np.int64], Array]:
     """
     piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, max(0, len(breaks) - 2))
     return piece, np.clip(times, breaks[0], breaks[-1]) - breaks[piece]
+
+
+def _begin_later(coefficients: Array, late: Array) -> Array:
+    """Local coefficients (m, degree + 1, n) of the same polynomials from instants that are `late` (m,) [s] later."""
+    moved = coefficients.copy()
+    for k in range(coefficients.shape[1]):
+        for j in range(k + 1, coefficients.shape[1]):
+            moved[:, k] += comb(j, k) * coefficients[:, j] * (late ** (j - k))[:, None]
+    return moved
 
 
 def _interpolate(h: Array, rows: list[Array]) -> Array:

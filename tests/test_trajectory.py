@@ -74,6 +74,14 @@ def test_shifting_moves_the_clock_only(trajectory: Trajectory, seconds: float) -
     assert np.isclose(later.start_time, trajectory.start_time + seconds, atol=1e-12)
 
 
+def test_positions_do_not_jump_at_times_since_1970() -> None:
+    """Breaks are rounded to a quarter of a microsecond there."""
+    motion = Trajectory(("a/x",), [0.0, 1.0 / 3.0, 0.7], [[[0.0], [3.0]], [[1.0], [3.0]]])
+    late = motion.shifted(1.7e9)
+    ends = late.coefficients[0] * np.array([[1.0], [late.breaks[1] - late.breaks[0]]])
+    assert ends.sum() == pytest.approx(late.coefficients[1, 0, 0], abs=1e-12)
+
+
 def test_rounded_times_can_be_shifted_back() -> None:
     far = Trajectory(("arm/x",), [1e12, 1e12 + 1.0], [[[0.0], [1.0]]])
     assert far.shifted(1.0).duration == 1.0

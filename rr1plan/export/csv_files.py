@@ -60,7 +60,7 @@ def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
             )
     kinds = [(kind, values) for kind, values in zip("qva", columns, strict=True) if values is not None]
     header = ["t", *(f"{kind}:{name}" for kind, _ in kinds for name in trajectory.joint_names)]
-    rows = np.column_stack([times, *(values for _, values in kinds)]).tolist()
+    rows = np.column_stack([trajectory.start_time + times, *(values for _, values in kinds)]).tolist()
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([header, *rows])
     return text.getvalue()

@@ -186,9 +186,7 @@ def sampled_message(
     if not 0.0 <= finite_number("lead", lead) <= _LONGEST_LEAD:
         raise InputError(f"lead is {lead}, expected a time from 0 to {_LONGEST_LEAD:g} s")
     names = _ros_names(trajectory, rename)
-    # From zero, because times since the start are written, and large ones are rounded to more than a nanosecond.
-    from_zero = trajectory.shifted(-trajectory.start_time)
-    times, positions, velocities, accelerations = sample_within_limits(from_zero, dt, tick=1.0 / _NANO)
+    times, positions, velocities, accelerations = sample_within_limits(trajectory, dt, tick=1.0 / _NANO)
     stamps = (np.round(times * _NANO).astype(np.int64) + round(lead * _NANO)).tolist()
     none: list[list[float]] = [[]] * len(stamps)
     rates = (none if rows is None else rows.tolist() for rows in (velocities, accelerations))

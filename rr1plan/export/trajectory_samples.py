@@ -41,7 +41,7 @@ class TrajectorySamples(NamedTuple):
     """Samples of a motion.
 
     Args:
-        times: Times [s], shape (n,).
+        times: Times since the start [s], shape (n,).
         positions: Positions [rad or m], shape (n, nq).
         velocities: Velocities, shape (n, nq); the last ones are zero. None if they jump.
         accelerations: Accelerations, shape (n, nq); None if they or the velocities jump.
@@ -59,7 +59,7 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
     Args:
         trajectory: A trajectory that ends at rest.
         dt: Longest time between samples [s]; there is one at each break, too.
-        tick: Times from the start are multiples of this [s] (default: no constraint).
+        tick: Times are multiples of this [s] (default: no constraint).
 
     Raises:
         InputError: the trajectory has no joints, does not end at rest, its positions jump, or it has too many samples.
@@ -73,13 +73,14 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
     continuous = _is_continuous(trajectory, 1)
     smooth = continuous and _is_continuous(trajectory, 2)
     begin, factor = trajectory.start_time, 1.0
+    from_zero = trajectory.shifted(-begin)  # large times would be rounded again
+    times = times - begin
     for attempt in range(_ATTEMPTS):
         # The motion is sampled at the rounded times that are written.
-        written = begin + factor * (times - begin)
-        if tick is not None:
-            written = begin + tick * np.round((written - begin) / tick)
-        own = np.clip(begin + (written - begin) / factor, begin, trajectory.end_time)
-        q, v, a = (trajectory(own, derivative) / factor**derivative for derivative in range(3))
+        written = factor * times
+        written = tick * np.round(written / tick) if tick is not None else (begin + written) - begin
+        own = np.clip(written / factor, 0.0, from_zero.end_time)
+        q, v, a = (from_zero(own, derivative) / factor**derivative for derivative in range(3))
         v[-1] = 0.0
         samples = TrajectorySamples(written, q, v if continuous else None, a if smooth else None)
         if len(times) == 1 or not continuous or trajectory.degree > MAX_DEGREE + 1:
@@ -123,7 +124,13 @@ def _jumps(trajectory: Trajectory, derivative: int) -> Array:
     steps = np.diff(trajectory.breaks)[:, None]
     ends = sum(row * steps**k for k, row in enumerate(rows))
     jumps = np.abs(ends[:-1] - rows[0][1:])
-    return np.where(jumps > _ROUNDING * max(1.0, float(np.abs(ends).max(initial=0.0))), jumps, 0.0)
+    rounding = _ROUNDING * max(1.0, float(np.abs(ends).max(initial=0.0))) + _rounding(trajectory, derivative)
+    return np.where(jumps > rounding, jumps, 0.0)
+
+
+def _rounding(trajectory: Trajectory, derivative: int) -> float:
+    """Largest change of a derivative within the rounding of times, which is coarse for times since 1970."""
+    return float(np.spacing(np.abs(trajectory.breaks).max()) * _peaks(trajectory, derivative + 1).max())
 
 
 def _excess(trajectory: Trajectory, read: Trajectory) -> float:
@@ -151,7 +158,7 @@ def _peaks(trajectory: Trajectory, derivative: int) -> Array:
 def _check_rest_at_end(trajectory: Trajectory) -> None:
     """Reject a trajectory that does not end at rest."""
     speeds = np.abs(trajectory(trajectory.end_time, 1))
-    if speeds.max(initial=0.0) > _REST:
+    if speeds.max(initial=0.0) > _REST + _rounding(trajectory, 1):
         joint = trajectory.joint_names[int(np.argmax(speeds))]
         raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {speeds.max():.3g}")
 

@@ -94,6 +94,21 @@ def test_a_message_of_a_motion_that_begins_late_is_within_the_limits(
     limit_report(scene, rp.load_joint_trajectory(file))
 
 
+@pytest.mark.parametrize("export", ["csv", "yaml"])
+def test_times_since_1970_hardly_change_a_written_motion(
+    export: str, motion: rp.Trajectory, scene: rp.Scene, tmp_path: Path
+) -> None:
+    """Their rounding, a quarter of a microsecond, is no jump of positions, and velocities are kept."""
+    late = motion.shifted(1.7e9)
+    read = EXPORTS[export](tmp_path, late)
+    expected = EXPORTS[export](tmp_path, motion)
+    assert read.degree == expected.degree
+    assert read.duration == pytest.approx(expected.duration, rel=2e-3)
+    assert read.start_time == (1.7e9 if export == "csv" else 0.0)
+    read = rp.Trajectory(scene.joint_names(), read.breaks, read.coefficients)
+    limit_report(scene, read.shifted(-read.start_time))
+
+
 def test_a_motion_file_is_the_motion_itself(motion: rp.Trajectory, scene: rp.Scene, tmp_path: Path) -> None:
     read = rp.load_motion(save_trajectory(tmp_path / "t.json", motion, scene)).trajectory
     np.testing.assert_array_equal(read.breaks, motion.breaks)
