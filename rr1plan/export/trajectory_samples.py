@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import Array, of_kind
+from rr1plan.checks import Array, of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.retiming.polynomial_extrema import MAX_DEGREE, peaks
 from rr1plan.trajectory import Trajectory
@@ -97,12 +97,12 @@ def _times(trajectory: Trajectory, dt: float) -> Array:
     breaks = trajectory.breaks
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > _ONE])]
     breaks = np.append(breaks[:-1], trajectory.end_time) if len(breaks) > 1 else trajectory.breaks[[0, -1]]
-    regular = trajectory.sample_times(dt)
-    if len(regular) > _MOST_SAMPLES:
+    if trajectory.duration > _MOST_SAMPLES * positive_number("dt", dt):
         raise InputError(
-            f"dt of {dt:g} s makes {len(regular)} samples of {trajectory.duration:g} s, expected at most "
-            f"{_MOST_SAMPLES}; take a longer dt, or save as .json, which keeps the motion without samples"
+            f"dt of {dt:g} s makes {trajectory.duration / dt + 1.0:.8g} samples of {trajectory.duration:g} s, expected "
+            f"at most {_MOST_SAMPLES}; take a longer dt, or save as .json, which keeps the motion without samples"
         )
+    regular = trajectory.sample_times(dt)
     after = np.clip(np.searchsorted(breaks, regular), 1, len(breaks) - 1)
     gaps = np.minimum(np.abs(regular - breaks[after - 1]), np.abs(regular - breaks[after]))
     return np.unique(np.concatenate([breaks, regular[gaps > _NEAR * dt]]))

@@ -162,6 +162,8 @@ def test_millions_of_samples_of_a_pause_are_refused(save: Callable[..., Path], t
     file = tmp_path / ("day.csv" if save is rp.save_csv else "day.yaml")
     with pytest.raises(rp.InputError, match=r"dt of 0\.01 s makes 8640001 samples of 86400 s.*take a longer dt"):
         save(file, day)
+    with pytest.raises(rp.InputError, match=r"dt of 1e-06 s makes 8\.64e\+10 samples .*at most 1000000; take a longer"):
+        save(file, day, dt=1e-6)
     assert not file.exists()
     load = rp.load_csv if save is rp.save_csv else rp.load_joint_trajectory
     assert load(save(file, day, dt=100.0)).duration == 86400.0
