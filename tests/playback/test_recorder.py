@@ -48,6 +48,23 @@ def test_a_record_may_be_read_while_it_is_made(scene: rp.Scene) -> None:
     np.testing.assert_array_equal(other.replay().rms_error, late.rms_error)
 
 
+def test_a_replaced_body_is_not_recorded_as_another_one_of_its_record_name() -> None:
+    """The body "part (2)", of the same shape, is another one."""
+    thin, thick = (rp.Geometry("part", rp.Box((0.1, 0.1, height))) for height in (0.02, 0.04))
+    scene = rp.Scene().with_obstacle("part", thin, [0.0, 0.0, 1.0], mass=0.1)
+    scene = scene.with_obstacle("part (2)", thick, [1.0, 0.0, 1.0], mass=0.1)
+    sim = rp.Simulation(scene)
+    with rp.Recorder(sim) as recorder:
+        sim.step(20)
+        sim.update_scene(sim.current_scene.with_obstacle("part", thick, [2.0, 0.0, 1.0], mass=0.1))
+        sim.step(20)
+    bodies = recorder.replay().record.bodies
+    assert bodies is not None
+    across = {name: bodies.poses[[0, -1], i, 0] for i, name in enumerate(bodies.bodies)}
+    np.testing.assert_allclose(across["part (2)"], 1.0)
+    np.testing.assert_allclose(across["part (3)"], [np.nan, 2.0])
+
+
 def test_what_happens_after_stop_is_not_in_the_record(scene: rp.Scene) -> None:
     sim = following(scene)
     with rp.Recorder(sim) as recorder:

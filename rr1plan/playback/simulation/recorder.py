@@ -38,15 +38,16 @@ class BodyLog:
         """Add the current poses."""
         row = {}
         for name in sim.body_names:
-            row[self._record_name(name, sim.scene.obstacles[name])] = sim.body_coordinates(name)
+            row[self._record_name(name, sim)] = sim.body_coordinates(name)
         for name in self._recorded_as.keys() & sim.scene.attachments.keys():
             held = sim.current_scene.detach(name).obstacles[name]
             row[self._recorded_as[name]] = position_and_quaternion(held.pose)
         self._rows.append(row)
 
-    def _record_name(self, name: str, body: Obstacle) -> str:
+    def _record_name(self, name: str, sim: Simulation) -> str:
+        body, others = sim.scene.obstacles[name], {*sim.body_names} - {name}
         number, known = 1, name
-        while known in self._bodies and self._bodies[known].geometries != body.geometries:
+        while known in others or (known in self._bodies and self._bodies[known].geometries != body.geometries):
             number += 1
             known = f"{name} ({number})"
         self._bodies.setdefault(known, body)
