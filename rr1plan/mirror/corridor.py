@@ -142,6 +142,8 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
     """
     of_kind("scene", scene, Scene)
     of_kind("trajectory", trajectory, Trajectory)
+    if not trajectory.joint_names:
+        raise InputError("the trajectory has no joints, expected those of the arms that move")
     names = scene.joint_names(trajectory.arms)
     if set(names) != set(trajectory.joint_names):
         odd = sorted(set(names) ^ set(trajectory.joint_names))[0]

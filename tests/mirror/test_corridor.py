@@ -110,5 +110,7 @@ def test_a_motion_in_collision_or_of_too_many_bodies_has_no_corridor(monkeypatch
     monkeypatch.setattr(corridor, "_MOST_DISTANCES", 10_000)
     with pytest.raises(rp.InputError, match=r"too much memory after \d.* s; take a part"):
         rp.certified_corridor(scene, motion)
+    with pytest.raises(rp.InputError, match="the trajectory has no joints"):
+        rp.Mirror(scene, rp.Trajectory.rest((), []))
     with pytest.raises(rp.UnknownNameError, match="unknown arm 'rr1'"):
         rp.certified_corridor(rp.Scene().with_arm("other", rp.load_robot("rr1")), motion)
