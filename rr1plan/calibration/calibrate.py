@@ -228,10 +228,12 @@ def _check_units(robot: Robot, data: MeasuredPoints, readings: str) -> None:
     for name, deviation, most in zip(robot.joint_names, deviations.tolist(), ranges.tolist(), strict=True):
         if deviation > max(most, _LEAST_RANGE):
             unit = robot.joint(name).unit
+            other, size = ("mm", 1e3) if unit == "m" else ("degrees", math.degrees(1.0))
+            if deviation > size * max(most, _LEAST_RANGE):
+                other = "steps or counts (give their scale in start)"
             raise InputError(
-                f"{readings} seem to be in {'mm' if unit == 'm' else 'degrees'} instead of {unit}: half of those of "
-                f"joint {name!r} are more than {deviation:.3g} {unit} from their median, and its range is {most:.3g} "
-                f"{unit}"
+                f"{readings} seem to be in {other} instead of {unit}: half of those of joint {name!r} are more than "
+                f"{deviation:.3g} {unit} from their median, and its range is {most:.3g} {unit}"
             )
     reach = sum(float(np.linalg.norm(joint.origin[:3, 3])) for joint in robot.joints)
     reach += sum(max(abs(joint.lower), abs(joint.upper)) for joint in robot.joints if joint.unit == "m")

@@ -282,6 +282,7 @@ def test_likely_wrong_units_are_named(rr1: rp.Robot, *, free_base: bool) -> None
     for words, readings, positions in (
         ("^positions seem to be in mm instead of m", arm.q, 1e3 * arm.positions()),
         ("^readings, .* seem to be in degrees instead of rad: .* its range is 4.71 rad", degrees, arm.positions()),
+        ("^readings, .* seem to be in steps or counts .* instead of rad", arm.readings(), arm.positions()),
     ):
         with pytest.raises(rp.InputError, match=words):
             rp.calibrate(rr1, readings, positions, point=POINT, free_base=free_base)
