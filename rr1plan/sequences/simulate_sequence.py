@@ -186,11 +186,11 @@ def _where_lost(plan: SequencePlan, one: CarriedObject, times: Array, dt: float)
     elif held.arm not in plan.gripper_joints:
         why = f"the gripper of {held.arm!r} does not move: only fingers that close hold objects here, not suction"
     elif usual_stiffness(dt, _STIFFNESS) < _STIFFNESS:
-        why = f"take a smaller dt: in steps of {1e3 * dt:g} ms servos are softer and fingers press less"
+        why = f"take a smaller time step: in steps of {1e3 * dt:g} ms servos are softer and fingers press less"
     else:
         why = (
             "a firmer grasp may hold, by squeeze of MoveGripper or stiffness of the servos; if it moves outward in "
-            "turns only, take a smaller dt"
+            "turns only, take a smaller time step"
         )
     return f"{one.name!r} is lost at {time:.2f} s ({plan.stages[k].label}): {why}"
 

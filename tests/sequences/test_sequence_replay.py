@@ -47,7 +47,7 @@ def test_long_steps_are_named_as_the_reason_for_a_loss(moved: rp.SequencePlan) -
     replay = rp.simulate_sequence(moved, dt=0.02)
     assert not replay.carried
     assert any("'block' is lost at" in said and said.endswith("fingers press less") for said in replay.remarks)
-    assert "take a smaller dt: in steps of 20 ms servos are softer" in str(replay)
+    assert "take a smaller time step: in steps of 20 ms servos are softer" in str(replay)
 
 
 def test_a_heavier_block_is_carried_as_well(moved: rp.SequencePlan) -> None:
@@ -63,7 +63,7 @@ def test_without_friction_the_block_stays_behind(moved: rp.SequencePlan) -> None
     assert not slippery.carried
     assert "'block' is lost at " in str(slippery)
     assert "a firmer grasp may hold, by squeeze of MoveGripper" in str(slippery)
-    assert "if it moves outward in turns only, take a smaller dt" in str(slippery)
+    assert "if it moves outward in turns only, take a smaller time step" in str(slippery)
     block = slippery.objects["block"]
     assert block.poses[:, 2, 3].max() < 0.06
     assert block.final_offset > 0.1
