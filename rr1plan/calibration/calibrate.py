@@ -208,7 +208,7 @@ def _check_count(robot: Robot, count: int, *, free_base: bool) -> None:
     unknowns = 2 * robot.nq + 6 * free_base
     if 3 * count <= unknowns:
         raise InputError(
-            f"{count} measurements have {3 * count} coordinates for {unknowns} unknowns; measure at least "
+            f"got {counted(count, 'measurement')} of 3 coordinates for {unknowns} unknowns; measure at least "
             f"{unknowns // 3 + 1} poses, better {unknowns}"
         )
 

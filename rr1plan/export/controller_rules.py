@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from rr1plan.checks import items_of, true_or_false
+from rr1plan.checks import counted, items_of, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.export.ros_trajectories import JointTrajectoryMessage, read_joint_trajectory, sampled_message
 from rr1plan.path import check_joint_names
@@ -88,7 +88,8 @@ def _about_points(message: JointTrajectoryMessage) -> Iterator[str]:
         for field in _FIELDS:
             values = getattr(point, field)
             if len(values) != count and (values or field == "positions"):
-                yield f"point {number} has {len(values)} {field}, expected {count}: one for each joint"
+                numbers = counted(len(values), "number")
+                yield f"point {number} has {numbers} in {field}, expected {count}: one for each joint"
             bad = next((k for k, value in enumerate(values) if not math.isfinite(value)), None)
             if bad is not None:
                 yield f"point {number} has {field} that are not finite: number {bad} is {values[bad]}"

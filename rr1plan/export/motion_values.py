@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rr1plan.checks import counted
 from rr1plan.errors import InputError
 from rr1plan.export import motion_schema as schema
 from rr1plan.path import Path
@@ -194,7 +195,7 @@ def build_trajectory(entry: schema.Trajectory) -> Trajectory:
     degree = len(entry.coefficients[0])
     for i, piece in enumerate(entry.coefficients):
         if len(piece) != degree:
-            raise InputError(f"coefficients[{i}] has {len(piece)} rows, expected {degree} like the first")
+            raise InputError(f"coefficients[{i}] has {counted(len(piece), 'row')}, expected {degree} like the first")
         _check_rows(f"coefficients[{i}]", piece, len(entry.joint_names))
     return Trajectory(tuple(entry.joint_names), np.array(entry.breaks), np.array(entry.coefficients))
 
@@ -202,7 +203,7 @@ def build_trajectory(entry: schema.Trajectory) -> Trajectory:
 def _check_rows(name: str, rows: list[list[float]], width: int) -> None:
     bad = next((i for i, row in enumerate(rows) if len(row) != width), None)
     if bad is not None:
-        raise InputError(f"{name}[{bad}] has {len(rows[bad])} numbers, expected {width}, one for each joint")
+        raise InputError(f"{name}[{bad}] has {counted(len(rows[bad]), 'number')}, expected {width}, one for each joint")
 
 
 def _by_name(kind: str, entries: list[Any]) -> dict[str, Any]:

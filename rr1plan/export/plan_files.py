@@ -21,7 +21,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from rr1plan.checks import Value, file_path, known_name, of_kind, shown
+from rr1plan.checks import Value, counted, file_path, known_name, of_kind, shown
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export import motion_schema as schema
 from rr1plan.export import motion_values as values
@@ -425,6 +425,6 @@ def _scene(document: schema.Document, geometry: _Geometry) -> Scene | None:
 def _check_units(entry: schema.Path | schema.Trajectory, scene: Scene | None) -> None:
     """Require a unit for each column, that of its joint if the scene is known."""
     if len(entry.units) != len(entry.joint_names):
-        raise InputError(f"has {len(entry.units)} units for {len(entry.joint_names)} joints")
+        raise InputError(f"has {counted(len(entry.units), 'unit')} for {counted(len(entry.joint_names), 'joint')}")
     if scene is not None and entry.units != (wanted := joint_units(entry.joint_names, scene)):
         raise InputError(f"units are {', '.join(entry.units)}, expected those of the joints: {', '.join(wanted)}")

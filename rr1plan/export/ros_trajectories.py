@@ -16,7 +16,17 @@ import msgspec
 import numpy as np
 import yaml
 
-from rr1plan.checks import Array, check_text, file_path, finite_number, known_name, of_kind, positive_number, shown
+from rr1plan.checks import (
+    Array,
+    check_text,
+    counted,
+    file_path,
+    finite_number,
+    known_name,
+    of_kind,
+    positive_number,
+    shown,
+)
 from rr1plan.errors import FormatError, InputError, MissingPackageError, reason_of
 from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.documents import read_yaml_documents
@@ -395,7 +405,8 @@ def _trajectory(message: JointTrajectoryMessage) -> Trajectory:
             raise InputError(f"some points have {name}, point {[bool(v) for v in values].index(False)} has none")
         bad = next((i for i, v in enumerate(values) if v and len(v) != len(message.joint_names)), None)
         if bad is not None:
-            raise InputError(f"point {bad} has {len(values[bad])} {name}, expected {len(message.joint_names)}")
+            numbers = counted(len(values[bad]), "number")
+            raise InputError(f"point {bad} has {numbers} in {name}, expected {len(message.joint_names)}")
         rows.append(values if any(values) else None)
     q, qd, qdd = rows
     if q is None:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, near_array, number_from_zero, of_kind, read_only, shape_of
+from rr1plan.checks import Array, Value, counted, near_array, number_from_zero, of_kind, read_only, shape_of
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.model.joint_turns import TURN, rotary
@@ -77,7 +77,7 @@ class Corridor(Value):
     def __repr__(self) -> str:
         free = self.free_change()
         name = self.joint_names[int(np.argmin(free))]
-        return f"Corridor({len(self.times)} samples, at least {free.min():.3g} rad or m for {name!r})"
+        return f"Corridor({counted(len(self.times), 'sample')}, at least {free.min():.3g} rad or m for {name!r})"
 
     def free_change(self) -> Array:
         """Largest deviation of each single joint that is free everywhere on the motion [rad or m], shape (nq,)."""

@@ -259,7 +259,7 @@ def test_readings_that_cannot_be_explained_are_refused(rr1: rp.Robot) -> None:
     shuffled = np.random.default_rng(0).permutation(positions)
     refusals = {
         "near the start explain": (readings, shuffled, start),
-        "12 coordinates for 12 unknowns": (readings[:4], positions[:4], start),
+        "got 4 measurements of 3 coordinates for 12 unknowns": (readings[:4], positions[:4], start),
         r"readings\[2, 1\] is nan": (np.where(np.arange(120).reshape(20, 6) == 13, np.nan, readings), positions, start),
         "positions has shape": (readings, positions[:-1], start),
         "positions holds 1e": (readings, positions + 1e9, start),

@@ -50,10 +50,16 @@ def test_what_the_rules_allow_is_accepted(tmp_path: Path) -> None:
         (lambda m: m["joint_names"].__setitem__(0, "elbow"), "joint 'elbow' is named 2 times"),
         (lambda m: m["joint_names"].pop(), "joints are missing: elbow; the controller takes partial goals only if"),
         (lambda m: m["points"].clear(), "the message has no points"),
-        (lambda m: m["points"][1]["positions"].pop(), "point 1 has 1 positions, expected 2: one for each joint"),
-        (lambda m: m["points"][1].__setitem__("positions", []), "point 1 has 0 positions, expected 2"),
-        (lambda m: m["points"][2].__setitem__("velocities", [0.0]), "point 2 has 1 velocities, expected 2"),
-        (lambda m: m["points"][0].__setitem__("accelerations", [0.0] * 3), "point 0 has 3 accelerations, expected 2"),
+        (
+            lambda m: m["points"][1]["positions"].pop(),
+            "point 1 has 1 number in positions, expected 2: one for each joint",
+        ),
+        (lambda m: m["points"][1].__setitem__("positions", []), "point 1 has 0 numbers in positions, expected 2"),
+        (lambda m: m["points"][2].__setitem__("velocities", [0.0]), "point 2 has 1 number in velocities, expected 2"),
+        (
+            lambda m: m["points"][0].__setitem__("accelerations", [0.0] * 3),
+            "point 0 has 3 numbers in accelerations, expected 2",
+        ),
         (
             lambda m: m["points"][0]["positions"].__setitem__(1, float("nan")),
             "point 0 has positions .* number 1 is nan",

@@ -90,7 +90,7 @@ def test_times_of_ros_1_and_plain_seconds_are_read(tmp_path: Path) -> None:
         (message([]), "no points"),
         (message(3), r"Expected `array`.*\$\.points"),
         (message([{"time_from_start": 0}]), "missing required field `positions`"),
-        (message([{**_POINTS[0], "positions": [1.0]}]), "point 0 has 1 positions, expected 2"),
+        (message([{**_POINTS[0], "positions": [1.0]}]), "point 0 has 1 number in positions, expected 2"),
         (message([{**_POINTS[0], "positions": ["a", 1.0]}]), r"points\[0\]\.positions\[0\]"),
         (message([{**_POINTS[0], "positions": [float("nan"), 1.0]}]), "nan"),
         (message([{**_POINTS[0], "velocities": [0.0, 0.0]}, _POINTS[1]]), "point 1 has none"),

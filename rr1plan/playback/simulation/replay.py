@@ -162,7 +162,7 @@ class Replay(Value):
 
     def __repr__(self) -> str:
         seconds = self.steps * self.timestep
-        return f"Replay({self.mode}, {seconds:.3f} s, {self._worst()}, {len(self.contacts)} contacts)"
+        return f"Replay({self.mode}, {seconds:.3f} s, {self._worst()}, {counted(len(self.contacts), 'contact')})"
 
     def _worst(self, named: bool = False) -> str:
         """The largest tracking error in each unit, and its joint."""
