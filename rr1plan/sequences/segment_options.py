@@ -248,7 +248,7 @@ class SegmentOptions:
             )
             return None
         if not checker.edge_is_free(start, end):
-            contact = checker.first_contact(start, end)
+            contact = checker.first_contact(start, end) if checker.is_free(end) else None
             where = end if contact is None else contact.q + 1e-3 * (end - start)
             self._effort.fail(k, PlanStatus.INFEASIBLE, f"collision: {describe_collision(checker, where)}")
             return None

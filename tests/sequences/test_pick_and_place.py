@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,13 @@ def test_a_lying_cylinder_is_grasped_across_or_at_its_ends(table: rp.Scene) -> N
         travels = np.mod([np.arctan2(goal.rotation[1, 0], goal.rotation[0, 0]) - 0.7 for goal in goals], np.pi / 2)
         np.testing.assert_allclose(np.minimum(travels, np.pi / 2 - travels), 0.0, atol=1e-9)
         assert len(goals) == angles
+
+
+def test_how_deep_fingers_would_reach_below_a_flat_box_is_said(table: rp.Scene) -> None:
+    """RR1's round fingertips reach 11.5 mm below the point at which they touch a side."""
+    scene = standing(table, rp.Box((0.03, 0.04, 0.008)), 0.008)
+    plan = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "block", [-0.3, -0.1, 0.004])), rng=0)
+    assert re.search(r"gripper around .*'arm/finger_link' and 'table' overlap by [4-9]\.\d+ mm", plan.reason), plan
 
 
 def test_a_cylinder_is_as_wide_in_all_directions(table: rp.Scene) -> None:
