@@ -171,7 +171,7 @@ class Calibration(Value):
     Args:
         robot: Name of the robot.
         joints: The calibrated joints, by name.
-        unit: Unit of readings: "steps" of motors, "counts" of encoders, or "rad".
+        unit: Unit of readings: "steps" of motors, "counts" of encoders, or "rad" (m for joints that slide).
         date: Date of the measurement, any text.
         source: Method of the measurement, any text.
         fit: Data of the estimation; None for a calibration from a file.
@@ -227,13 +227,18 @@ class Calibration(Value):
         return Calibration(robot.name, joints, unit, source="assumed")
 
     def __str__(self) -> str:
-        rows = [f"{self.robot}: readings in {self.unit}{', ' + self.source if self.source else ''}"]
+        units = dict.fromkeys(self._reading_unit(joint) for joint in self.joints.values())
+        rows = [f"{self.robot}: readings in {' or '.join(units)}{', ' + self.source if self.source else ''}"]
         for name, joint in self.joints.items():
             unit = joint.position_unit or _EITHER
             zero = f"zero {joint.zero:+9.5f} ± {joint.zero_std:.5f} {unit}"
-            scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self.unit} per {unit}"
+            scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self._reading_unit(joint)} per {unit}"
             rows.append(f"  {name:<18} sign {joint.sign:+d}  {zero}  {scale}")
         return "\n".join(rows + ([str(self.fit)] if self.fit else []))
+
+    def _reading_unit(self, joint: JointCalibration) -> str:
+        """The unit of a joint's readings; those of joints that slide are in m if the unit is "rad"."""
+        return joint.position_unit or self.unit if self.unit == "rad" else self.unit
 
     # ---- conversion --------------------------------------------------------------------
 

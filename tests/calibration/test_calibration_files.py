@@ -94,6 +94,10 @@ def test_units_of_joints_are_known_if_the_robot_is(tmp_path: Path) -> None:
     assert "± inf m " in slides
     assert slides.endswith("steps per m")
     assert [shift.unit for shift in again.zero_shifts(found)] == ["rad", "m"]
+    head, turns, slides = str(rp.Calibration.assumed(robot)).splitlines()
+    assert head == "planar_rp: readings in rad or m, assumed"
+    assert turns.endswith("rad per rad")
+    assert slides.endswith("m per m")
     with pytest.raises(rp.InputError, match="unknown position_unit 'deg'"):
         rp.JointCalibration(1, 0.0, 1.0, position_unit="deg")
 
