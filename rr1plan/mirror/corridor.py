@@ -12,10 +12,12 @@ The corridor is the union of these neighborhoods of samples q of the motion, wit
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from rr1plan.checks import Array, Value, counted, near_array, number_from_zero, of_kind, read_only, shape_of
 from rr1plan.collision import CollisionChecker
@@ -34,6 +36,8 @@ _MOST_DISTANCES = 20_000_000
 _ACCURACY = 1e-5
 # Number of nearest samples that are compared in full.
 _NEAREST = 24
+# Number of pairs that decide whether a sample is compared in full.
+_CRITICAL = 64
 
 
 class CorridorPosition(NamedTuple):
@@ -121,11 +125,33 @@ class Corridor(Value):
         off = np.abs(self._deviation(near_array("q", q, (len(self.joint_names),)), self.configurations))
         if not self.pairs:
             return CorridorPosition(0.0, float(self.times[np.argmin(off.max(axis=1, initial=0.0))]), ())
-        order = np.argsort(off @ self.levers.max(axis=0, initial=0.0), kind="stable")[:_NEAREST]
-        uses = (off[order] @ self.levers.T + 2.0 * displacement) / self.distances[order]
-        k = int(np.argmin(uses.max(axis=1)))
-        pair = int(np.argmax(uses[k]))
-        return CorridorPosition(float(uses[k, pair]), float(self.times[order[k]]), self.pairs[pair])
+
+        def uses_at(k: int) -> Array:
+            """The used shares of the distances of all pairs at a sample."""
+            return np.asarray((self._sparse_levers @ off[k] + 2.0 * displacement) / self.distances[k])
+
+        nearest = np.argsort(off @ self._largest_levers, kind="stable")[:_NEAREST].tolist()
+        k, uses = nearest[0], uses_at(nearest[0])
+        # Other samples are compared in full only if these pairs do not use a larger share there.
+        critical = np.argpartition(uses, -min(_CRITICAL, len(uses)))[-_CRITICAL:]
+        some = off[nearest] @ self.levers[critical].T + 2.0 * displacement
+        least = (some / self.distances[np.ix_(nearest, critical)]).max(axis=1).tolist()
+        for other, bound in zip(nearest[1:], least[1:], strict=True):
+            if bound < uses.max():
+                found = uses_at(other)
+                k, uses = (other, found) if found.max() < uses.max() else (k, uses)
+        pair = int(np.argmax(uses))
+        return CorridorPosition(float(uses[pair]), float(self.times[k]), self.pairs[pair])
+
+    @cached_property
+    def _largest_levers(self) -> Array:
+        """The largest lever of each joint [m/rad], shape (nq,)."""
+        return np.asarray(self.levers.max(axis=0, initial=0.0))
+
+    @cached_property
+    def _sparse_levers(self) -> csr_array:
+        """The levers; of many arms only few move a pair."""
+        return csr_array(self.levers)
 
 
 def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:

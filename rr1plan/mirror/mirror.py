@@ -254,7 +254,8 @@ class Mirror:
         if self.plan is None or self.corridor is None or self._start is None:
             return None, None
         names, joints = self.corridor.joint_names, self._reader.joints.index
-        measured = q[[self.scene.joint_names().index(name) for name in names]]
+        columns = {name: i for i, name in enumerate(self.scene.joint_names())}
+        measured = q[[columns[name] for name in names]]
         times = self._reader.times[[joints[name] for name in names]]
         planned = self.plan(self.plan.start_time + times - self._start)
         planned = planned[np.arange(len(names)), [self.plan.joint_names.index(name) for name in names]]

@@ -101,6 +101,25 @@ def test_a_whole_turn_is_no_deviation(planar2r: rp.Robot) -> None:
     np.testing.assert_allclose(tube.deviation(turned, motion(0.4)), 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["rr1_table", "two arms", "RP"])
+def test_the_smallest_share_is_that_of_a_search_through_all_pairs(name: str) -> None:
+    scene = scene_of(name)
+    start, rng = scene.configuration(), np.random.default_rng(3)
+    end, still = start + rng.uniform(-0.05, 0.05, len(start)), np.zeros((2, len(start)))
+    motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 2.0], [start, end], still, still)
+    tube = rp.certified_corridor(scene, motion)
+    for displacement in (0.0, 0.002):
+        for q in rng.uniform(np.minimum(start, end), np.maximum(start, end), (20, len(start))):
+            off = np.abs(tube.configurations - q)
+            near = np.argsort(off @ tube.levers.max(axis=0), kind="stable")[: corridor._NEAREST]
+            uses = (off[near] @ tube.levers.T + 2.0 * displacement) / tube.distances[near]
+            k = int(np.argmin(uses.max(axis=1)))
+            found = tube.position(q, displacement=displacement)
+            assert found.use == pytest.approx(uses[k].max(), rel=1e-12)
+            assert found.time == tube.times[near[k]]
+            assert found.pair == tube.pairs[int(np.argmax(uses[k]))]
+
+
 def test_a_motion_in_collision_or_of_too_many_bodies_has_no_corridor(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = rp.load_scene("rr1_table")
     motion = motion_in(scene, rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
