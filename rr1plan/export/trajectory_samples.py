@@ -98,9 +98,10 @@ def _times(trajectory: Trajectory, dt: float) -> Array:
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > _ONE])]
     breaks = np.append(breaks[:-1], trajectory.end_time) if len(breaks) > 1 else trajectory.breaks[[0, -1]]
     if trajectory.duration > _MOST_SAMPLES * positive_number("dt", dt):
+        count = np.round(trajectory.duration / dt) + 1.0
         raise InputError(
-            f"dt of {dt:g} s makes {trajectory.duration / dt + 1.0:.8g} samples of {trajectory.duration:g} s, expected "
-            f"at most {_MOST_SAMPLES}; take a longer dt, or save as .json, which keeps the motion without samples"
+            f"dt of {dt:g} s makes {count:.8g} samples of {trajectory.duration:g} s, expected at most {_MOST_SAMPLES}; "
+            "take a longer dt, or save as .json, which keeps the motion without samples"
         )
     regular = trajectory.sample_times(dt)
     after = np.clip(np.searchsorted(breaks, regular), 1, len(breaks) - 1)
