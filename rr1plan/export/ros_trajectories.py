@@ -10,7 +10,7 @@ from __future__ import annotations
 import pathlib
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from itertools import chain, islice
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -42,6 +42,8 @@ _File = str | pathlib.Path
 _INTERRUPTED = "; if its recording was interrupted, try `ros2 bag reindex` or `mcap recover`"
 _NANO = 1_000_000_000
 _LONGEST_LEAD = 1e6  # [s]
+_LATEST = 1e11  # [s], 3000 years
+_Whole = Annotated[int, msgspec.Meta(ge=1 - 2**63, le=2**63 - 1)]
 # Most names in a message, and most characters of each.
 _MOST_NAMES, _LONGEST_NAME = 10, 80
 
@@ -49,10 +51,10 @@ _MOST_NAMES, _LONGEST_NAME = 10, 80
 class Duration(msgspec.Struct, forbid_unknown_fields=True):
     """A duration in ROS 2's fields or ROS 1's."""
 
-    sec: int = 0
-    nanosec: int = 0
-    secs: int = 0
-    nsecs: int = 0
+    sec: _Whole = 0
+    nanosec: _Whole = 0
+    secs: _Whole = 0
+    nsecs: _Whole = 0
 
     @property
     def nanoseconds(self) -> int:
@@ -82,7 +84,7 @@ class JointTrajectoryMessage(msgspec.Struct, forbid_unknown_fields=True):
         """Times from the start of all points; plain seconds are rounded to nanoseconds.
 
         Raises:
-            InputError: one is not finite.
+            InputError: one is not finite or too large.
         """
         return [_as_duration(point.time_from_start) for point in self.points]
 
@@ -90,7 +92,9 @@ class JointTrajectoryMessage(msgspec.Struct, forbid_unknown_fields=True):
 def _as_duration(time: Duration | float) -> Duration:
     if isinstance(time, Duration):
         return time
-    nanoseconds = round(finite_number("time_from_start", time) * _NANO)
+    if abs(finite_number("time_from_start", time)) > _LATEST:
+        raise InputError(f"time_from_start is {time:g} s, expected within ±{_LATEST:g} s")
+    nanoseconds = round(time * _NANO)
     return Duration(sec=nanoseconds // _NANO, nanosec=nanoseconds % _NANO)
 
 

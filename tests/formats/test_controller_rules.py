@@ -88,6 +88,7 @@ def test_what_the_rules_allow_is_accepted(tmp_path: Path) -> None:
         ),
         (lambda m: m["points"][0].__setitem__("time_from_start", -0.5), "the first point is due -0.5 s from the start"),
         (lambda m: m["points"][2].__setitem__("time_from_start", float("inf")), "time_from_start is inf"),
+        (lambda m: m["points"][2].__setitem__("time_from_start", 1e300), "time_from_start is 1e.300 s, expected"),
         (
             lambda m: m["points"][2]["velocities"].__setitem__(1, 1e-5),
             "'elbow' has the velocity 1e-05 at the last point",
