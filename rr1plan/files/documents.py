@@ -20,6 +20,8 @@ from rr1plan.files.file_access import MAX_BYTES, read_text
 MAX_DEPTH = 100
 # Strings (up to their end or that of the line) and comments; keys with dots in the rest. Both take linear time.
 _QUOTED = re.compile(r""" "(?:\\.|[^"\\])*+(?:"|$) | '[^']*+(?:'|$) | \#.* """, re.VERBOSE)
+# A number with an exponent in YAML 1.2.
+_EXPONENT = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 _DOTTED = re.compile(r"[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++)*+")
 
 
@@ -145,9 +147,11 @@ def _bounded_yaml(text: str) -> list[object]:
             return mapping
 
     # The parser in C takes a fifth of the time.
-    parser = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+    loader: Any = type("Loader", (Checks, yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader), {})
+    # PyYAML follows YAML 1.1, in which 1e-05, as many programs print numbers, is text.
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
     try:
-        return list(yaml.load_all(text, type("Loader", (Checks, parser), {})))
+        return list(yaml.load_all(text, loader))
     except yaml.MarkedYAMLError as error:
         if error.problem == "exceeded maximum nesting depth":
             raise RecursionError from error

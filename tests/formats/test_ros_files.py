@@ -75,6 +75,15 @@ def test_times_of_ros_1_and_plain_seconds_are_read(tmp_path: Path) -> None:
         assert read.end_time == 1.5
 
 
+@pytest.mark.parametrize("number", ["1e-05", "1.0e-05", "+1.e-5", ".1e-04", "1E-5"])
+def test_exponents_are_read_as_other_programs_print_them(tmp_path: Path, number: str) -> None:
+    """YAML 1.1 requires a point and a sign, YAML 1.2 neither; `rostopic echo` and yaml-cpp print 1e-05."""
+    text = f"joint_names: [1e5x]\npoints:\n- {{positions: [{number}], time_from_start: {{secs: 0, nsecs: 0}}}}\n"
+    read = load_joint_trajectory(written(tmp_path, text))
+    assert read.joint_names == ("1e5x",)
+    assert read(0.0).tolist() == [1e-5]
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -89,6 +98,7 @@ def test_times_of_ros_1_and_plain_seconds_are_read(tmp_path: Path) -> None:
         (message(extra=1), "unknown field `extra`"),
         (message([]), "no points"),
         (message(3), r"Expected `array`.*\$\.points"),
+        (message([{**_POINTS[0], "time_from_start": {"sec": 10**400}}]), r"time_from_start\.sec"),
         (message([{"time_from_start": 0}]), "missing required field `positions`"),
         (message([{**_POINTS[0], "positions": [1.0]}]), "point 0 has 1 number in positions, expected 2"),
         (message([{**_POINTS[0], "positions": ["a", 1.0]}]), r"points\[0\]\.positions\[0\]"),
