@@ -204,7 +204,7 @@ class Trajectory(Value, NotebookView):
         lasts = breaks[-1] > start or self.duration == 0.0
         if not (lasts and np.isfinite(breaks).all() and np.isfinite(coefficients).all()):
             raise InputError(f"factor is {factor:g}, which makes times or rates that floats cannot represent")
-        return self._with_rounded(breaks, coefficients)
+        return self._with_rounded(breaks, coefficients, (breaks - start) - (self.breaks - start) * factor)
 
     def shifted(self, seconds: float) -> Trajectory:
         """The same motion, `seconds` [s] later (earlier if negative).
@@ -218,10 +218,7 @@ class Trajectory(Value, NotebookView):
             raise InputError(
                 f"seconds is {seconds:g}, which rounds times to {rounding:.3g} s, expected a time within ±4e9 s"
             )
-        late = ((breaks - seconds) - self.breaks)[: len(self.coefficients)]
-        # Else positions would jump where pieces begin at times since 1970.
-        coarse = np.abs(late) > _FINE_ROUNDING
-        return self._with_rounded(breaks, _begin_later(self.coefficients, np.where(coarse, late, 0.0)))
+        return self._with_rounded(breaks, self.coefficients, (breaks - seconds) - self.breaks)
 
     def cut(self, begin: float, end: float) -> Trajectory:
         """The motion between two times; before its start and after its end it rests.
@@ -343,11 +340,20 @@ class Trajectory(Value, NotebookView):
             and bool(np.allclose(self.coefficients, other.coefficients, rtol=0.0, atol=atol))
         )
 
-    def _with_rounded(self, breaks: Array, coefficients: Array) -> Trajectory:
+    def _with_rounded(self, breaks: Array, coefficients: Array, late: Array) -> Trajectory:
         """The trajectory with other breaks and coefficients, without pieces whose breaks are equal.
 
-        Pieces of merged trajectories may be so short that their breaks are equal after rounding.
+        Pieces of merged trajectories may be so short that their breaks are equal after rounding. Where breaks are
+        rounded as coarsely as times since 1970, coefficients are adapted, so that positions do not jump.
+
+        Args:
+            breaks: The breaks [s], shape (m + 1,).
+            coefficients: Coefficients for exact breaks, shape (m, degree + 1, nq).
+            late: Rounded minus exact breaks [s], shape (m + 1,).
         """
+        begin = late[: len(coefficients)]
+        if (coarse := np.abs(begin) > _FINE_ROUNDING).any():
+            coefficients = _begin_later(coefficients, np.where(coarse, begin, 0.0))
         lasts = np.diff(breaks) > 0.0
         if lasts.all():
             return Trajectory(self.joint_names, breaks, coefficients)

@@ -74,10 +74,11 @@ def test_shifting_moves_the_clock_only(trajectory: Trajectory, seconds: float) -
     assert np.isclose(later.start_time, trajectory.start_time + seconds, atol=1e-12)
 
 
-def test_positions_do_not_jump_at_times_since_1970() -> None:
+@pytest.mark.parametrize("factor", [1.0, 1.0 / 7.0, 3.0])
+def test_positions_do_not_jump_at_times_since_1970(factor: float) -> None:
     """Breaks are rounded to a quarter of a microsecond there."""
     motion = Trajectory(("a/x",), [0.0, 1.0 / 3.0, 0.7], [[[0.0], [3.0]], [[1.0], [3.0]]])
-    late = motion.shifted(1.7e9)
+    late = motion.shifted(1.7e9).stretched(factor)
     ends = late.coefficients[0] * np.array([[1.0], [late.breaks[1] - late.breaks[0]]])
     assert ends.sum() == pytest.approx(late.coefficients[1, 0, 0], abs=1e-12)
 
