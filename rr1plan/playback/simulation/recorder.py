@@ -45,9 +45,10 @@ class BodyLog:
         self._rows.append(row)
 
     def _record_name(self, name: str, sim: Simulation) -> str:
-        body, others = sim.scene.obstacles[name], {*sim.body_names} - {name}
-        number, known = 1, name
-        while known in others or (known in self._bodies and self._bodies[known].geometries != body.geometries):
+        body, number, known = sim.scene.obstacles[name], 1, name
+        while (known in self._bodies and self._bodies[known].geometries != body.geometries) or (
+            number > 1 and known in sim.body_names
+        ):
             number += 1
             known = f"{name} ({number})"
         self._bodies.setdefault(known, body)
