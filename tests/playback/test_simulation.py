@@ -268,6 +268,18 @@ def test_a_handler_of_mujoco_warnings_that_is_installed_stays(
     assert "CTRL" in warned[0]
 
 
+def test_joints_that_mimic_others_are_placed_with_them_only(rr1: rp.Robot) -> None:
+    sim = rp.Simulation(rp.Scene().with_arm("arm", rr1))
+    with pytest.raises(rp.InputError, match="'arm/opposite_finger_joint' mimics 'arm/finger_joint'; place that one"):
+        sim.place(["arm/opposite_finger_joint"], [0.5])
+    sim.place(["arm/finger_joint"], [0.5])
+    opened = sim.positions
+    assert opened[-2:].tolist() == [0.5, 0.5]
+    sim.reset()
+    sim.place(sim.joint_names, opened)
+    np.testing.assert_array_equal(sim.positions, opened)
+
+
 def test_progress_tells_fractions(rr1_table: rp.Scene) -> None:
     told: list[float] = []
     rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration(), duration=20.0)

@@ -574,16 +574,21 @@ class Simulation:
         """Set positions of joints without physics and restart from there at time zero; `reset` returns to this state.
 
         Args:
-            joint_names: The joints, "arm/joint"; the others keep their positions and are at rest.
+            joint_names: The joints, "arm/joint"; the others keep their positions and are at rest. Joints that mimic
+                others follow them.
             positions: Positions [rad or m], shape (n,).
             velocities: Velocities [rad/s or m/s], shape (n,) (default: at rest).
 
         Raises:
-            InputError: wrong shapes, not finite or above 1e4.
+            InputError: wrong shapes, not finite or above 1e4, or a joint that mimics one that is not placed.
             UnknownNameError: an unknown joint.
         """
         names = check_joint_names(joint_names)
         indices = self._joints.indices(names)
+        for name in names:
+            leader = self._joints.followers.get(name, name)
+            if leader not in names:
+                raise InputError(f"joint {name!r} mimics {leader!r}; place that one")
         every = self.positions
         every[indices] = near_array("positions", positions, (len(names),))
         rates = np.zeros(len(every))
