@@ -123,6 +123,8 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         random_grid(rr1, 0, 0.8)
     with pytest.raises(InputError, match="radius"):
         ring_swap(rr1, 3, -1.0)
+    with pytest.raises(InputError, match="step is 6"):
+        ring_swap(rr1, 3, 0.5, 6, rng=0)
     with pytest.raises(InputError, match="no swap found"):
         ring_swap(rr1, 2, 3.0, rng=0)
     with pytest.raises(InputError, match="no query found"):

@@ -138,6 +138,8 @@ def ring_swap(
     of_kind("robot", robot, Robot)
     whole_number("count", count, 2, 1000)
     whole_number("step", step, 1, 1000)
+    if step % count == 0:
+        raise InputError(f"step is {step}, a multiple of {count} arms, so that nothing moves; try step 1")
     radius = positive_number("radius", radius)
     generator = as_generator(rng)
     plank = Box((0.1 * radius, 0.5 * radius, 0.02))
