@@ -175,7 +175,8 @@ def plan_many_arms(
     Args:
         problem: The problem. Moving arms without a goal may yield and return.
         margin: Distance to keep in addition to the scene's padding [m], as far as starts, goals and narrow passages
-            between stationary objects allow (default: the margin of the problem, or 2 mm if it has none).
+            between stationary objects allow (default: the margin of the problem, or 2 mm if it has none). Arms planned
+            as one keep at most the smallest of their margins.
         budget: When to stop (default: 10 s); only its seconds count, not its iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
             not at all). Makespan first, then the sum of all arrival times.
