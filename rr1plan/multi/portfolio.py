@@ -252,6 +252,8 @@ def plan_many_arms(
     if watch.cancelled:
         return ManyArmsResult(PlanStatus.CANCELLED, CANCELLED, groups=tuple(groups), seconds=watch.seconds)
     schedules, quality = list(plan.schedules.values()), improver.quality
+    for schedule in schedules:
+        schedule.path.release()  # megabytes for each arm
     return ManyArmsResult(
         PlanStatus.FOUND,
         trajectory=merged_trajectory(problem, schedules),

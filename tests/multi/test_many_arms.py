@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -63,6 +64,18 @@ def test_arms_slide_beyond_joints_that_turn(kinds: tuple[str, str], assert_safe:
     goals = {name: [-0.8 if turning else 0.0, 0.3] for name, turning in turns.items()}
     problem = rp.Problem(scene, starts, goals)
     assert_safe(problem, plan_many_arms(problem, rng=0, budget=_BUDGET), 60)
+
+
+def test_a_plan_keeps_no_memory_that_is_quickly_recomputed(rr1: rp.Robot) -> None:
+    tracemalloc.start()
+    result = plan_many_arms(_problem("grid-8", rr1), rng=7, budget=_BUDGET)
+    held = tracemalloc.get_traced_memory()[0]
+    for schedule in result.schedules:
+        schedule.path.release()
+    released = held - tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert result.found
+    assert released < 1e5
 
 
 def test_the_same_seed_gives_the_same_motion(rr1: rp.Robot) -> None:
