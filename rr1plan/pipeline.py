@@ -61,7 +61,8 @@ def plan_motion(
             Default: "rrt_connect" for one or two arms and for retiming "ruckig_direct", else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
-        shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) are not.
+        shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) never
+            are, those of many arms always.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm if it has none),
             for an arm with tracking errors of a fraction of a millimeter. All elements that move relative to each other
             keep it along the whole motion. It is halved, up to seven times below the default, until the clearance of
@@ -72,8 +73,9 @@ def plan_motion(
             halving, a larger margin may keep less than a smaller one: where the start has a clearance of 5 mm, a margin
             of 2 mm is kept, and one of 3 mm becomes 1.5 mm.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
-        budget: When to stop the planner (default: 10 s).
-        rng: Seed; the same seed and a budget of iterations give the same motion.
+        budget: When to stop the planner (default: 10 s); "many_arms" counts only its seconds.
+        rng: Seed; the same seed and a budget of iterations give the same motion; with "many_arms" the same seed does
+            unless time runs out.
         progress: Called about ten times a second during planning and convex decomposition of moving meshes, and once at
             the beginning of each other stage; returns False to cancel.
 

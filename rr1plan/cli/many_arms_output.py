@@ -23,16 +23,21 @@ if TYPE_CHECKING:
 _MOST = 8  # waits or groups that are printed
 
 
-def check_figures(options: Namespace, problem: Problem) -> None:
-    """Reject, before any work, figures that the motion will not have.
+def check_many_arms_options(options: Namespace, problem: Problem) -> None:
+    """Reject, before any work, options that have no effect on many arms, and figures that the motion will not have.
 
     Raises:
-        InputError: a diagram for a motion without a planner of many arms, of one arm, or of an arm and itself.
+        InputError: unshortened paths or iterations for a planner of many arms that has none; a diagram for a motion
+            without such a planner, of one arm, or of an arm and itself.
         UnknownNameError: no such arm moves.
     """
+    planner = options.planner or default_planner(problem, options.retiming)
+    if planner in MANY_ARMS_PLANNERS and options.no_shorten:
+        raise InputError(f"--no-shorten has no effect with --planner {planner}, whose paths are always shortened")
+    if planner == MANY_ARMS_PLANNERS[0] and options.iterations is not None:
+        raise InputError(f"--iterations has no effect with --planner {planner}, whose budget is --seconds only")
     if options.diagram is None:
         return
-    planner = options.planner or default_planner(problem, options.retiming)
     if planner not in MANY_ARMS_PLANNERS:
         raise InputError("option diagram needs the schedules of option planner many_arms")
     if len(problem.arms) < 2:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, progress_callback
-from rr1plan.cli.many_arms_output import check_figures, draw_figures, many_values, say_groups, say_many
+from rr1plan.cli.many_arms_output import check_many_arms_options, draw_figures, many_values, say_groups, say_many
 from rr1plan.cli.scene_options import check_scene_name, chosen_problem, page_options, with_limits
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
@@ -29,7 +29,7 @@ def plan(options: Namespace, console: Console) -> int:
         problem = chosen_problem(options, load_scene_file(options.scene))
         if options.limits is not None:
             problem = with_limits(problem, options.limits)
-    check_figures(options, problem)
+    check_many_arms_options(options, problem)
     budget = rp.Budget(options.seconds, options.iterations)
     with console.progress("planning") as advance:
         motion = plan_motion(
