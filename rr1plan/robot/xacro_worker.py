@@ -98,4 +98,6 @@ def _error_response(error: Exception) -> dict[str, str]:
     inner: Any = error
     while getattr(inner, "exc", None) is not None:
         inner = inner.exc
+    if isinstance(inner, FileNotFoundError):  # xacro's own message says it twice
+        return {"error": f"there is no file {inner.filename!r}, which it includes or loads"}
     return {"error": f"{type(inner).__name__}: {' '.join(str(error).split())}"[:2000]}

@@ -168,3 +168,19 @@ def test_a_fifo_or_device_that_is_included_is_refused_before_it_is_read(tmp_path
     file.write_text(f'<robot name="r" xmlns:xacro="http://x"><link name="base"/>{inside}</robot>')
     with pytest.raises(FormatError, match=r"arm\.xacro: cannot be expanded: .*is a FIFO or device, expected a regular"):
         expand_xacro(file)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<xacro:include filename="none.xacro"/>',
+        '<xacro:property name="x" value="${xacro.load_yaml(\'none.xacro\')}"/><link name="${x}"/>',
+    ],
+)
+def test_a_missing_file_is_named_once(tmp_path: Path, inside: str) -> None:
+    pytest.importorskip("xacrodoc")
+    file = tmp_path / "arm.xacro"
+    file.write_text(f'<robot name="r" xmlns:xacro="http://x"><link name="base"/>{inside}</robot>')
+    with pytest.raises(FormatError, match=r"there is no file '.*none\.xacro', which it includes") as caught:
+        expand_xacro(file)
+    assert str(caught.value).count("none.xacro") == 1
