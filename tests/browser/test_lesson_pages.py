@@ -247,16 +247,21 @@ def test_panels_of_every_step_are_whole_in_a_small_window(page: Any, lesson: rp.
     assert set(beyond.values()) == {0}, beyond
 
 
-@pytest.mark.parametrize("lesson", ["planning", "potential_fields", "motion", "six_joints"], indirect=True)
-def test_panels_are_whole_and_fill_a_tall_window(page: Any, lesson: rp.Lesson) -> None:
-    page.resize(820, 1180)
-    beyond = {}
+@pytest.mark.parametrize("size", [(820, 1180), (768, 1024)], ids=lambda s: f"{s[0]}x{s[1]}")
+def test_panels_are_whole_and_fill_a_tall_window(page: Any, lesson: rp.Lesson, size: tuple[int, int]) -> None:
+    page.resize(*size)
     for k, step in enumerate(lesson.steps):
         page.ask(f"RR1.steps.go({k})")
         page.next_frames()
-        beyond[step.name] = page.ask("(panels => panels.scrollHeight - panels.clientHeight)(panels)")
-        assert page.ask("Math.max(...[...panels.children].map((p) => p.getBoundingClientRect().right))") > 800
-    assert set(beyond.values()) == {0} or lesson.name == "six_joints", beyond  # one panel of many parts, which scrolls
+        assert page.ask("panels.scrollHeight - panels.clientHeight") == 0, step.name
+        right, empty = page.ask("""(() => {
+            const box = (node) => node.getBoundingClientRect(), cards = [...panels.children];
+            const lowest = (card) => Math.max(...[...card.children].map((node) => box(node).bottom));
+            return [Math.max(...cards.map((card) => box(card).right)),
+                    Math.min(...cards.map((card) => box(card).bottom - lowest(card)))];
+        })()""")
+        assert right > size[0] - 20
+        assert empty < 30, step.name
 
 
 @pytest.mark.parametrize("lesson", ["motion"], indirect=True)
