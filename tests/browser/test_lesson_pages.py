@@ -275,8 +275,9 @@ def test_the_workspace_is_in_the_middle_below_numbers_in_a_line(page: Any, lesso
 
 
 @pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
-def test_steps_beside_two_pictures_leave_no_empty_area(page: Any) -> None:
-    page.resize(1024, 768)
+@pytest.mark.parametrize("size", [(1024, 768), (1280, 720), (1920, 1080)], ids=lambda s: f"{s[0]}x{s[1]}")
+def test_steps_beside_two_pictures_leave_no_empty_area(page: Any, size: tuple[int, int]) -> None:
+    page.resize(*size)
     page.next_frames()
     card, steps = page.ask(
         "['panel-pair', 'panel-steps'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
