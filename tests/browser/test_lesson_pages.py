@@ -264,6 +264,16 @@ def test_panels_are_whole_and_fill_a_tall_window(page: Any, lesson: rp.Lesson, s
         assert empty < 30, step.name
 
 
+@pytest.mark.parametrize("lesson", ["kinematics", "two_arms"], indirect=True)
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080)], ids=lambda s: f"{s[0]}x{s[1]}")
+def test_texts_are_whole_on_a_projector(page: Any, lesson: rp.Lesson, size: tuple[int, int]) -> None:
+    page.resize(*size)
+    for k, step in enumerate(lesson.steps):
+        page.ask(f"RR1.steps.go({k})")
+        page.next_frames()
+        assert page.ask("RR1.steps.texts.scrollHeight - RR1.steps.texts.clientHeight") < 12, step.name  # half a line
+
+
 @pytest.mark.parametrize("lesson", ["motion"], indirect=True)
 def test_the_workspace_is_in_the_middle_below_numbers_in_a_line(page: Any, lesson: rp.Lesson) -> None:
     page.resize(820, 1180)
