@@ -198,3 +198,11 @@ def test_the_page_has_the_same_colors() -> None:
     assert rows
     page = [[float(v) for v in row.split(",")] for row in re.findall(r"\[([^\[\]]+)\]", rows[1])]
     np.testing.assert_allclose(page, [rgb(color) for color in ARM_COLORS], atol=1e-3)
+
+
+def test_a_time_line_without_motion_has_an_axis_of_a_second(two: rp.Scene) -> None:
+    q = np.zeros(4)
+    still = rp.timeline(rp.Trajectory(two.joint_names(), [0.0], [[q]]), two, undelayed={"a": 0.0, "b": 0.0})
+    figure = still.figure()
+    assert figure.axes[0].get_xlim() == (0.0, 1.0)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["moves"]

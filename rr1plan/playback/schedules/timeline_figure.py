@@ -49,7 +49,7 @@ def _draw_frame(axes: Axes, line: TimelineRows, look: Look) -> None:
     """Axes, rows and names."""
     count = len(line.arms)
     axes.set_facecolor(look.paper)
-    axes.set_xlim(line.start, line.start + max(line.makespan * 1.02, 1e-3))
+    axes.set_xlim(line.start, line.start + (line.makespan * 1.02 or 1.0))
     axes.set_ylim(count - 0.4, -0.6)
     axes.set_xlabel("time [s]")
     for side in ("top", "right", "left"):
@@ -140,7 +140,7 @@ def _legend(line: TimelineRows, look: Look) -> list[Artist]:
         handles.append(
             Line2D([], [], color=look.soft, marker=">", markevery=[1], label="goes on after the arm with the dot")
         )
-    if line.undelayed:
+    if any(line.undelayed.values()):
         handles.append(
             Line2D(
                 [],
