@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from rr1plan.checks import known_name, of_kind
+from rr1plan.errors import InputError
 from rr1plan.lessons.lesson_titles import LESSONS
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -37,6 +38,8 @@ def lesson(name: str, scene: Scene | None = None, problem: Problem | None = None
         InputError: a scene or a problem that the lesson cannot use; the message states the requirements.
     """
     kind, _ = LESSONS[known_name("lesson", name, LESSONS)]
+    if isinstance(scene, Problem):
+        raise InputError(f"a problem is not the scene of a lesson: pass it as lesson({name!r}, problem=...)")
     of_kind("scene", scene, Scene, optional=True)
     of_kind("problem", problem, Problem, optional=True)
     if problem is not None and scene is not None:

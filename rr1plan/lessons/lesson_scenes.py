@@ -73,7 +73,7 @@ def require_query(lesson: str, scene: Scene | None, problem: Problem | None) -> 
     """
     if problem is None:
         if scene is not None:
-            raise InputError(f"lesson {lesson!r} is about a query; give it a problem with a start and a joint goal")
+            raise InputError(f"lesson {lesson!r} is about a query; pass problem=..., with a start and a joint goal")
         return None
     if len(problem.arms) != 1 or problem.nq != 2:
         raise InputError(f"lesson {lesson!r} needs an arm of two joints, the problem has {problem.nq} columns")

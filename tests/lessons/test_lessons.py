@@ -262,6 +262,8 @@ def test_wrong_questions_are_refused() -> None:
         rp.lesson("workspace", problem=problem)
     with pytest.raises(rp.InputError, match="is about a query"):
         rp.lesson("no_path", scene)
+    with pytest.raises(rp.InputError, match=r"pass it as lesson\('planning', problem=\.\.\.\)"):
+        rp.lesson("planning", *list[Any]([problem]))
     moved = scene.with_obstacle_at("wedge", [0.1, 0.0, 0.0])
     with pytest.raises(rp.InputError, match=r"problem is for another scene, .*'wedge' moved by 100 mm; give its own"):
         rp.lesson("workspace", moved, problem)
