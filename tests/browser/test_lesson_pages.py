@@ -274,6 +274,18 @@ def test_texts_are_whole_on_a_projector(page: Any, lesson: rp.Lesson, size: tupl
         assert page.ask("RR1.steps.texts.scrollHeight - RR1.steps.texts.clientHeight") < 12, step.name  # half a line
 
 
+@pytest.mark.parametrize("lesson", ["kinematics"], indirect=True)
+def test_a_table_stands_beside_its_text_in_wide_steps_only(page: Any, lesson: rp.Lesson) -> None:
+    page.ask(f"RR1.steps.go({[step.name for step in lesson.steps].index('dh')})")
+    below = {}
+    for size in ((800, 600), (1280, 720)):
+        page.resize(*size)
+        table, text = page.ask("""['table', 'p'].map((tag) =>
+            document.querySelector(`#panel-steps article:not([hidden]) ${tag}`).getBoundingClientRect().toJSON())""")
+        below[size] = text["top"] >= table["bottom"]
+    assert below == {(800, 600): True, (1280, 720): False}
+
+
 @pytest.mark.parametrize("lesson", ["motion"], indirect=True)
 def test_the_workspace_is_in_the_middle_below_numbers_in_a_line(page: Any, lesson: rp.Lesson) -> None:
     page.resize(820, 1180)
