@@ -5,8 +5,9 @@
 // (informed sampling: Gammell et al., 2014; in space and time: Grothe et al., ST-RRT*, 2022). Each new vertex is
 // connected straight to the goal if that is free. Shortcuts then remove detours of the tree.
 //
-// Only pairs that involve the arm are tested; the caller knows that all others are free. The edges are those of the joint
-// space of all arms, whose tables exist already; `certify_timed.c` takes any trajectories, but has to set up its own.
+// Only pairs that involve the arm are tested, except those with arms that are left out; the caller knows that all others
+// are free. The edges are those of the joint space of all arms, whose tables exist already; `certify_timed.c` takes any
+// trajectories, but has to set up its own.
 #include "random.h"
 #include "replan_arm.h"
 
