@@ -1,7 +1,8 @@
-"""A new motion of one arm of a group, while all others keep theirs (large neighborhood search: Li et al., 2021).
+"""A motion of one arm among others whose motions are given, searched in configurations and time (`replan_arm.c`).
 
-The arm is taken out of the motion of the group, which then takes only as long as the others need. `replan_arm.c`
-searches its configurations and time for another motion that takes no longer than a random duration in between.
+To make the motion of a group faster, one arm is taken out of it, while all others keep theirs (large neighborhood
+search: Li et al., 2021). The group then takes only as long as the others need, and another motion of the arm is
+searched that takes no longer than a random duration in between.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
+from rr1plan.multi.paths.nominal_clock import nominal_velocity
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.robot.joint_limits import Limits
 
@@ -91,7 +93,6 @@ def search_in_time(
         motion is found.
     """
     nq, width = points.shape[1], own.stop - own.start
-    velocity = limits.velocity[own]
     knots, knot_times = np.empty((samples + 2, width)), np.empty(samples + 2)
     search = CStruct(
         "ArmReplan",
@@ -102,7 +103,7 @@ def search_in_time(
         first_column=own.start,
         width=width,
         left_out=np.zeros(nq, np.uint8) if left_out is None else left_out,
-        velocity=np.where(np.isfinite(velocity), velocity, 1.0),
+        velocity=nominal_velocity(limits)[own].copy(),
         lower=limits.lower[own].copy(),
         upper=limits.upper[own].copy(),
         samples=samples,

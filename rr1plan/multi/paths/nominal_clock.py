@@ -31,6 +31,11 @@ class Track(NamedTuple):
         return np.asarray(np.column_stack([np.interp(times, self.times, column) for column in self.points.T]))
 
 
+def nominal_velocity(limits: Limits) -> Array:
+    """Velocity limits of joints, shape (nq,); a missing one counts as 1."""
+    return np.asarray(np.where(np.isfinite(limits.velocity), limits.velocity, 1.0))
+
+
 def nominal_track(waypoints: Array, limits: Limits, unit: float = 1.0) -> Track:
     """Time a path at the velocity limits of its joints, with linear motion between waypoints.
 
@@ -39,7 +44,7 @@ def nominal_track(waypoints: Array, limits: Limits, unit: float = 1.0) -> Track:
         limits: Limits of its joints.
         unit: Unit of its times [s].
     """
-    fastest = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
+    fastest = nominal_velocity(limits)
     steps = np.abs(np.diff(waypoints, axis=0))
     moves = steps.any(axis=1)
     # A lower bound on the durations keeps the ends of each step distinct.

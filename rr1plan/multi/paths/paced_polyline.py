@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.multi.paths.nominal_clock import nominal_velocity
 from rr1plan.robot.joint_limits import Limits
 
 # Probabilities that a waypoint of one arm moves, and of all arms; otherwise one arm goes via a random configuration.
@@ -36,7 +37,7 @@ class PacedPolyline:
 
     def __init__(self, points: Array, limits: Limits, columns: Sequence[slice]) -> None:
         self.points, self.limits, self.columns = points, limits, columns
-        self.velocity: Array = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
+        self.velocity = nominal_velocity(limits)
         steps = np.abs(np.diff(points, axis=0)) / self.velocity
         self.arm_times = np.column_stack([steps[:, own].max(axis=1) for own in columns])
         durations = self.arm_times.max(axis=1, initial=0.0)

@@ -30,11 +30,11 @@ from rr1plan.path import Path
 NO_TIME = "no time was left to schedule it"
 """Reason of a group whose search did not begin."""
 COUPLED_FIRST = 16
-"""Largest number of agents of a group for which no coordination diagrams are computed first."""
+"""Largest number of agents of a group that is planned together before coordination diagrams are computed."""
 PLANNED_AS_ONE = 4
 """Largest number of agents of a group whose joint space is searched."""
-IN_TIME_FROM = 3
-"""Smallest number of agents of a group that is searched in space and time; for two, their joint space is faster."""
+# Smallest number of agents of a group that is planned in space and time; for two, their joint space is faster.
+_IN_TIME_FROM = 3
 _ATTEMPTS = 3  # attempts at a path in the joint space of a few arms
 _STATIONARY = 0.7  # fraction of the other arms that an arm's initial path avoids in later rounds of windows
 _ROUNDS_OF_SAME_EFFORT = 4  # rounds of windows and sequential moves until their effort is doubled
@@ -99,7 +99,7 @@ class GroupPlanner:
         """Search for motions of all arms as one agent, or in windows; returns whether all agents are scheduled."""
         count = len(self.group.agents)
         few = count <= PLANNED_AS_ONE
-        if (count >= IN_TIME_FROM and self._plan_in_time()) or (few and self._plan_few()):
+        if (count >= _IN_TIME_FROM and self._plan_in_time()) or (few and self._plan_few()):
             return True
         for effort in range(rounds):
             if self.group.impossible or not self._watch.goes_on():
