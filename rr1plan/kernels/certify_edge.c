@@ -12,9 +12,9 @@
 // kernel, whose bounds ignore the direction of motion, needs intervals a hundred times narrower still.
 #define NARROWEST (1.0 / 1048576.0)
 
-// Configurations of an edge after which the exact kernel gives up; even concave obstacles need fewer. Edges that pass at
-// a distance just above the least one would need millions.
-#define MOST_OF_EDGE 20000
+// Configurations of an edge after which the exact kernel gives up. Free edges among many arms need up to 100; those that
+// pass at a distance just above the least one would need millions.
+#define MOST_OF_EDGE 2000
 
 enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN };
 
