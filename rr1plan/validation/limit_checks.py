@@ -21,6 +21,8 @@ _ROWS = sorted(
     key=lambda row: row[1],
 )
 _RATES: tuple[tuple[ViolationKind, str], ...] = (("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"))
+# Times are rounded to at most this [s], those since 1970 to a quarter of it; the share of a limit that this may exceed.
+_ROUNDED_TIMES, _ROUNDED_SHARE = 1e-6, 1e-4
 
 
 @dataclass
@@ -97,6 +99,27 @@ class Judgment:
             self._allowed,
             self._flaws,
         )
+        if self._any:
+            self._forgive_rounded_times()
+
+    def _forgive_rounded_times(self) -> None:
+        """Clear the flaws of rates within the rounding of times.
+
+        Rounded breaks are earlier or later than those of the exact motion, so that a rate differs at a break by up to
+        the rounding times the next derivative.
+        """
+        found, limits, flaws = self._found, self._columns.limits, self._flaws
+        rounding = min(float(np.spacing(np.abs(self._breaks).max())), _ROUNDED_TIMES)
+        peaks, start = np.maximum(found.high, -found.low), self._coefficients[0, 1:2]
+        for order, name in ((1, "velocity"), (2, "acceleration")):
+            bound = getattr(limits, name)
+            excess = np.minimum(rounding * peaks[order + 1], _ROUNDED_SHARE * bound)
+            self._allowed[order] += excess
+            flaws[peaks[order] <= bound + excess] &= ~_C[f"FLAW_{name.upper()}"]
+            flaws[found.jumps[order, :, 0] <= self._allowed[order]] &= ~_C[f"FLAW_{name.upper()}_JUMP"]
+        flaws[(np.abs(start) <= self._allowed[1]).all(axis=0)] &= ~_C["FLAW_START"]
+        flaws[np.abs(found.end[1]) <= self._allowed[1]] &= ~_C["FLAW_END"]
+        self._any = int(np.bitwise_or.reduce(flaws))
 
     def is_absurd(self, times: float, fast: float) -> bool:
         """Whether a speed exceeds a multiple of its limit, or of `fast` [rad/s or m/s] for joints without a limit."""

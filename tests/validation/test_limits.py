@@ -109,6 +109,31 @@ def test_a_motion_that_does_not_start_or_end_at_rest_is_caught(slider: Make, tra
     assert (end.kind, end.time, end.value) == ("rest", 1.0, 1.0)
 
 
+@pytest.mark.parametrize("seconds", [1e7, 1.7e9, -1.7e9])
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_times_since_1970_are_rounded_without_a_violation(
+    seconds: float, factor: float, slider: Make, trajectory: Make
+) -> None:
+    rows = [[-6.0, 0.0, 0.0, 1.0], [-5.0, 3.0, 3.0, -1.0], [0.0, 6.0, 0.0, -1.0], [5.0, 3.0, -3.0, 1.0]]
+    move = trajectory(["arm/slide"], [0.0, 1.0, 2.0, 3.0, 4.0], rows).stretched(factor / 4.0)
+    peaks = {"velocity": 24.0 / factor, "acceleration": 96.0 / factor**2}
+    late = move.shifted(seconds)
+    assert validate(late, scene_of(slider(rp.Sphere(0.1), **peaks))).valid
+    for kind, peak in peaks.items():
+        over = only(validate(late, scene_of(slider(rp.Sphere(0.1), **peaks | {kind: peak / 1.001}))))
+        assert over.kind == kind
+
+
+@pytest.mark.parametrize("seconds", [1.7e9, 1e15])
+@pytest.mark.parametrize(("row", "kind"), [([0.5, 1.001, -0.5], "continuity"), ([0.5, 1.0, -0.499], "rest")])
+def test_jumps_and_speeds_at_the_end_are_caught_at_any_time(
+    seconds: float, row: list[float], kind: str, slider: Make, trajectory: Make
+) -> None:
+    broken = trajectory(["arm/slide"], [seconds, seconds + 1.0, seconds + 2.0], [[0.0, 0.0, 0.5], row])
+    found = validate(broken, scene_of(slider(rp.Sphere(0.1)))).violations
+    assert kind in {v.kind for v in found}
+
+
 def forged(move: rp.Trajectory, **changes: Any) -> rp.Trajectory:
     """A trajectory that bypassed the constructor, as one from a pickle may."""
     out = pickle.loads(pickle.dumps(move))
