@@ -68,20 +68,23 @@ def test_inertias_that_no_body_can_have_are_corrected_in_arms_of_groups_too(monk
     [
         ((1.234565e-3, 2.345675e-3, 3.58024e-3), (1.234565e-3, 2.345675e-3, 3.58024e-3)),  # a plate
         ((1e-3, 1e-3, 5e-3), (1e-3, 1e-3, 2e-3)),  # no body
+        ((1.2e-13, 1.2e-4, 1.2e-4), (4.8e-9, 1.2e-4, 1.2e-4)),  # a rod without thickness
     ],
 )
-def test_only_a_largest_moment_above_the_sum_of_the_others_is_reduced(
-    moments: tuple[float, ...], built: tuple[float, ...]
+def test_only_moments_that_no_body_can_have_are_corrected(
+    moments: tuple[float, ...], built: tuple[float, ...], tmp_path: Path
 ) -> None:
     robot = rp.load_robot("planar2r")
     for turn in np.linspace(0.0, 3.0, 20):
         axes = pose([0.0, 0.0, 0.0], rpy=[turn, 0.8 * turn, 0.7 * turn])[:3, :3]
         inertial = rp.Inertial(1.0, np.zeros(3), axes @ np.diag(moments) @ axes.T)
         links = tuple(replace(link, inertial=inertial) for link in robot.links)
-        model = build_mujoco(rp.Scene().with_arm("arm", replace(robot, links=links))).model
+        scene = rp.Scene().with_arm("arm", replace(robot, links=links))
+        model = build_mujoco(scene).model
         moving = model.body_inertia[model.body_dofnum > 0]
         assert len(moving) == 2
         np.testing.assert_allclose(np.sort(moving), np.tile(built, (2, 1)), rtol=1e-4)
+        assert rp.load_robot(rp.save_mjcf(tmp_path / "arm.xml", scene)).nq == 2
 
 
 def test_arms_that_are_added_in_groups_are_the_same_model_without_a_warning(

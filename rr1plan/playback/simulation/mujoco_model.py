@@ -34,8 +34,9 @@ from rr1plan.transforms import position_and_quaternion, quaternion_from_rotation
 
 # MuJoCo requires that moving bodies have mass; frames without mass get this mass and inertia [kg, kg m²].
 _NO_MASS = 1e-9
-# MuJoCo refuses principal moments below 1e-14 [kg m²].
-_LEAST_MOMENT = 1e-12
+# MuJoCo refuses principal moments below 1e-14 [kg m²]. That of a thin rod along its axis is at least this share of the
+# others, so that the correction for six digits below does not reverse their order.
+_LEAST_MOMENT, _LEAST_SHARE = 1e-12, 4e-5
 # Nor a largest moment above the sum of the others, to which that of a flat body is equal; this share of the sum remains
 # below it in MJCF files, which have six digits.
 _LARGEST_MOMENT = 1.0 - 2e-5
@@ -381,8 +382,9 @@ def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
 def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
     moments, axes = np.linalg.eigh(inertial.inertia)
     inertia = inertial.inertia
-    if moments[0] < _LEAST_MOMENT:  # a point or nearly one
-        inertia, moments = inertia + _LEAST_MOMENT * np.eye(3), moments + _LEAST_MOMENT
+    least = max(_LEAST_MOMENT, _LEAST_SHARE * float(moments[2]))
+    if moments[0] < least:  # a point, a thin rod or nearly one
+        inertia, moments = inertia + least * np.eye(3), moments + least
     excess = moments[2] - _LARGEST_MOMENT * (moments[0] + moments[1])
     if excess > 0.0:  # flat, or of moments that no body has
         inertia = inertia - excess * np.outer(axes[:, 2], axes[:, 2])
