@@ -25,6 +25,7 @@ from rr1plan.errors import FormatError, InputError, reason_of
 from rr1plan.files.file_access import read_bytes
 from rr1plan.files.xml_reader import first_attributes
 from rr1plan.shapes import Color, Mesh
+from rr1plan.shapes.concave_faces import with_triangulated_faces
 from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.shapes.gltf_checks import Z_UP, external_buffers
 
@@ -189,7 +190,10 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
     import trimesh
 
     buffers = external_buffers(data, file) if file.suffix.lower() in GLTF else None
-    data = _regular_obj(data, file) if kind == "obj" else _regular_ply(data) if kind == "ply" else data
+    if kind == "obj":
+        data = with_triangulated_faces(_regular_obj(data, file))
+    elif kind == "ply":
+        data = _regular_ply(data)
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]

@@ -23,6 +23,7 @@ from rr1plan.robot.urdf import read_urdf
 from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Mesh, mesh_files
 from rr1plan.shapes.mesh_files import load_mesh, read_mesh
+from rr1plan.transforms import pose
 
 
 def binary_stl(mesh: Mesh, count: int | None = None) -> bytes:
@@ -225,6 +226,47 @@ def test_an_obj_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, bloc
         FormatError, match=r"a\.obj: has a face with the vertex (0, but OBJ counts .* from 1|-9, but .* 8)"
     ):
         read_mesh(tmp_path / "a.obj")
+
+
+SQUARE_WITH_HOLE = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
+
+
+@pytest.mark.parametrize(
+    ("outline", "area"),
+    [
+        ([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)], 5.0),
+        ([(0, 0), (1.5, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1.5, 1), (1, 1), (1, 3), (0, 3)], 7.0),
+        (SQUARE_WITH_HOLE, 12.0),
+        ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], 1.0),
+    ],
+)
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_concave_faces_of_an_obj_do_not_cover_their_notches(
+    tmp_path: Path, outline: list[tuple[float, float]], area: float, turn: float
+) -> None:
+    rotation = pose([0.0, 0.0, 0.0], rpy=[turn, 0.7 * turn, 0.3 * turn])[:3, :3]
+    count = len(outline)
+    for first in range(count):
+        corners = np.roll(np.array(outline), first, axis=0)
+        points = np.concatenate([np.column_stack([corners, np.full(count, z)]) for z in (0.0, 2.0)]) @ rotation.T
+        sides = [[i, (i + 1) % count, count + (i + 1) % count, count + i] for i in range(count)]
+        faces = [range(count)[::-1], range(count, 2 * count), *sides]
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+        lines += ["f " + " ".join(f"{i + 1}//1" for i in face) for face in faces]
+        (tmp_path / "a.obj").write_text("\n".join(lines))
+        mesh = load_mesh(tmp_path / "a.obj")
+        a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(2.0 * area)
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
+        surface = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0
+        assert surface == pytest.approx(2.0 * area + 2.0 * edges.sum())
+
+
+def test_faces_of_an_obj_that_cross_themselves_are_divided_somehow(tmp_path: Path) -> None:
+    head = "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nv 3 1 0\n"
+    for face in ("1 2 3 4", "1 2 3 4 5", "1 3 2 2 4", "5 3 1 2 4"):
+        (tmp_path / "a.obj").write_text(head + f"f {face}\n")
+        assert len(load_mesh(tmp_path / "a.obj").faces) >= 1
 
 
 @pytest.mark.parametrize("coding", ["ascii", "binary"])

@@ -1,0 +1,91 @@
+"""Triangulation of the concave faces of OBJ files, which readers divide into fans that cover their notches."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from rr1plan.checks import Array
+
+_VERTEX = re.compile(rb"^v +(\S+) +(\S+) +(\S+)", re.MULTILINE)
+_POLYGON = re.compile(rb"^f(?: +\S+){4,} *$", re.MULTILINE)
+# Turns inward are rounding errors below this fraction of the square of a face's area. Corners are on the edge of a
+# triangle at this fraction of its area.
+_INWARD, _ON_EDGE = 1e-9, 1e-12
+
+
+def with_triangulated_faces(data: bytes) -> bytes:
+    """The OBJ with a line for each triangle of its concave faces.
+
+    Args:
+        data: An OBJ whose faces count vertices from 1 on. If it is damaged, it is returned as it is.
+    """
+    faces: dict[int, list[tuple[re.Match[bytes], list[bytes]]]] = {}
+    for line in _POLYGON.finditer(data):
+        corners = line[0].split()[1:]
+        faces.setdefault(len(corners), []).append((line, corners))
+    if not faces:
+        return data
+    try:
+        vertices = np.array(_VERTEX.findall(data)).astype(float)
+        changed = [row for same in faces.values() for row in _triangulated(vertices, same)]
+    except (ValueError, IndexError):  # the parser says what is wrong
+        return data
+    parts, end = [], 0
+    for line, lines in sorted(changed, key=lambda row: row[0].start()):
+        parts += [data[end : line.start()], lines]
+        end = line.end()
+    return b"".join([*parts, data[end:]])
+
+
+def _triangulated(
+    vertices: Array, faces: list[tuple[re.Match[bytes], list[bytes]]]
+) -> list[tuple[re.Match[bytes], bytes]]:
+    """The lines of concave faces with their triangles, of faces with the same number of corners."""
+    numbers = np.array([[int(corner.split(b"/")[0]) for corner in corners] for _, corners in faces])
+    points = vertices[numbers - 1]
+    edges = np.roll(points, -1, axis=1) - points
+    fan = points - points[:, :1]
+    normals = np.cross(fan, np.roll(fan, -1, axis=1)).sum(axis=1)
+    turns = np.einsum("ijk,ik->ij", np.cross(np.roll(edges, 1, axis=1), edges), normals)
+    concave = (turns < -_INWARD * (normals**2).sum(axis=1)[:, None]).any(axis=1)
+    found = []
+    for i in np.flatnonzero(concave).tolist():
+        line, corners = faces[i]
+        # Projected along the axis nearest to the normal, counter-clockwise.
+        axis = int(np.argmax(np.abs(normals[i])))
+        kept = [(axis + 1) % 3, (axis + 2) % 3]
+        triangles = _clip_ears(points[i][:, kept if normals[i, axis] > 0.0 else kept[::-1]])
+        found.append((line, b"\n".join(b"f " + b" ".join(corners[k] for k in triangle) for triangle in triangles)))
+    return found
+
+
+def _clip_ears(points: Array) -> list[list[int]]:
+    """Ear clipping (Meisters 1975) of a counter-clockwise polygon (n, 2); holes may be connected by double edges.
+
+    All corners are used, so that a surface stays closed. A polygon that crosses itself is divided somehow.
+    """
+    left, found = list(range(len(points))), []
+    while len(left) > 3:
+        k = next((k for k in range(len(left)) if _is_ear(points, left, k)), 1)
+        found.append([left[k - 1], left[k], left[(k + 1) % len(left)]])
+        del left[k]
+    return [*found, left]
+
+
+def _is_ear(points: Array, left: list[int], k: int) -> bool:
+    """Whether the triangle at a corner has an area, and no other corner in it or on its edges."""
+    triangle = points[[left[k - 1], left[k], left[(k + 1) % len(left)]]]
+    edges = np.roll(triangle, -1, axis=0) - triangle
+    area = float(_cross(edges[0], edges[1]))
+    if not area > 0.0:
+        return False
+    others = points[left]
+    inside = (_cross(edges, others[:, None] - triangle) >= -_ON_EDGE * area).all(axis=1)
+    same = (others[:, None] == triangle).all(axis=2).any(axis=1)
+    return not (inside & ~same).any()
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
