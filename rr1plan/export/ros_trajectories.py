@@ -29,7 +29,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import FormatError, InputError, MissingPackageError, reason_of
 from rr1plan.export.trajectory_samples import sample_within_limits
-from rr1plan.files.documents import read_yaml_documents
+from rr1plan.files.documents import collection_paused, read_yaml_documents
 from rr1plan.files.file_access import check_writable, content_suffix, write_text
 from rr1plan.trajectory import Trajectory
 
@@ -175,7 +175,8 @@ def save_joint_trajectory(
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     content = {"header": header, "joint_names": message.joint_names, "points": points}
     dumper = yaml.CSafeDumper if yaml.__with_libyaml__ else yaml.SafeDumper
-    text = yaml.dump(content, Dumper=dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1)
+    with collection_paused():
+        text = yaml.dump(content, Dumper=dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1)
     return write_text(path, text)
 
 

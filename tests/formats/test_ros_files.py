@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 from collections.abc import Callable, Sequence
@@ -253,3 +254,21 @@ def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Pat
             load_joint_trajectory(tmp_path / name)
     with pytest.raises(InputError, match="not a bag and has no topics"):
         load_joint_trajectory(written(tmp_path, message()), topic="/a")
+
+
+def test_long_messages_are_written_and_read_without_searches_for_garbage(tmp_path: Path) -> None:
+    """They take most of the time of files with millions of numbers."""
+    motion = rp.Trajectory(("arm/x",), [0.0, 30.0], [[[0.0], [0.0], [3.0 / 900.0], [-2.0 / 27000.0]]])
+    began: list[int] = []
+    gc.collect()
+    gc.callbacks.append(lambda phase, info: began.append(info["generation"]) if phase == "start" else None)
+    try:
+        file = rp.save_joint_trajectory(tmp_path / "long.yaml", motion, dt=0.01)
+        assert len(load_joint_trajectory(file).breaks) == 3001
+    finally:
+        gc.callbacks.pop()
+    assert len(began) < 100
+    (tmp_path / "cut.yaml").write_text("points: [1, {")
+    with pytest.raises(FormatError):
+        load_joint_trajectory(tmp_path / "cut.yaml")
+    assert gc.isenabled()
