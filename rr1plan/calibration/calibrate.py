@@ -52,6 +52,8 @@ _WIDE, _ZERO_RANGE, _SCALE_RANGE = 0.3, 0.5, 0.2
 # A fit has failed if half of the measurements are farther off than this fraction of their spread.
 _FAILED = 0.1
 _ROUNDS = 10
+# With few measurements, a larger standard deviation than this many stated ones is due to outliers.
+_SUSPICIOUS = 2.0
 # Smallest plausible standard deviation of a coordinate, as a fraction of the stated one.
 _FLOOR = 0.01
 # Singular values below this fraction of the largest are rounding errors.
@@ -101,8 +103,8 @@ def calibrate(
 
     Raises:
         InputError: arguments of wrong shapes, types or likely units, a start in other units, too few different
-            measurements, poses that determine no joint, or no signs, zeros and scales near the start that explain the
-            measurements.
+            measurements, few measurements that disagree, poses that determine no joint, or no signs, zeros and scales
+            near the start that explain the measurements.
     """
     start = _checked_start(robot, start)
     rows = finite_array("readings", readings, (None, robot.nq))
@@ -125,7 +127,13 @@ def calibrate(
     estimate = _without_outliers(data, _hold_undetermined(data, begin, found, mirrored, noise), noise)
     _check_repetitions(data, estimate)
     residuals = data.residuals(estimate.parameters)[estimate.kept]
-    noise = math.sqrt(float((residuals**2).sum()) / (residuals.size - int(estimate.free.sum())))
+    expected, noise = noise, math.sqrt(float((residuals**2).sum()) / (residuals.size - int(estimate.free.sum())))
+    if noise > _SUSPICIOUS * expected and _are_few(estimate.kept, estimate.free):
+        raise InputError(
+            f"{counted(len(residuals), 'measurement')} deviate by {1e3 * noise:.2g} mm with an expected noise of "
+            f"{1e3 * expected:.2g} mm, and are too few to tell which of them is wrong; measure at least "
+            f"{counted(int(estimate.free.sum()), 'pose')}, or give the true noise (option noise)"
+        )
     source = f"estimated from {counted(len(residuals), 'measured position')}"
     return _result(robot, start, data, estimate, noise, source)
 
@@ -348,9 +356,25 @@ def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Para
         cost += 0.5 * float((((found.values - begin.values) / expected) ** 2).sum())
         if cost < least:
             best, least = found, cost
-        if _robust_std(off, len(every)) <= _GOOD * noise:
+        std = _robust_std(off, len(every))
+        if std <= _GOOD * noise or (std <= loss and _fits_but_for_outliers(data, found, std, noise)):
             break
     return best
+
+
+def _fits_but_for_outliers(data: MeasuredPoints, found: Parameters, std: float, noise: float) -> bool:
+    """Whether enough measurements fit well if outliers, which bias the first fit, are left out."""
+    every = np.ones(len(found.values), dtype=bool)
+    kept = np.linalg.norm(data.residuals(found), axis=1) <= _OUTLIER * std
+    if _are_few(kept, every):
+        return False
+    fit = _fitted(data, found, every, kept, None, evaluations=_EVALUATIONS_OF_SIGNS)
+    return _robust_std(data.residuals(fit)[kept], len(every)) <= _GOOD * noise
+
+
+def _are_few(kept: NDArray[np.bool_], free: NDArray[np.bool_]) -> bool:
+    """Whether measurements have too few coordinates to recognize that one of them is wrong."""
+    return 3 * int(kept.sum()) < 2 * int(free.sum())
 
 
 def _cost(residuals: Array, loss: float) -> float:

@@ -132,6 +132,16 @@ def test_wrong_measurements_are_left_out_and_named(rr1: rp.Robot) -> None:
     assert "left out: row 11" in str(found)
 
 
+@pytest.mark.parametrize("seed", [0, 2])
+def test_few_measurements_that_disagree_are_refused(rr1: rp.Robot, seed: int) -> None:
+    arm = bench(rr1, seed, poses=6)
+    positions = arm.positions()
+    positions[2] += [0.04, 0.0, -0.03]
+    with pytest.raises(rp.InputError, match=r"too few to tell which of them is wrong; measure at least 1[12] poses"):
+        rp.calibrate(rr1, arm.readings(), positions, start=arm.start(), point=POINT)
+    assert fit(rp.calibrate(rr1, arm.readings(), positions, start=arm.start(), point=POINT, noise=0.01)).noise > 1e-3
+
+
 def test_the_joint_whose_zero_moved_is_named(rr1: rp.Robot) -> None:
     arm = bench(rr1, 6)
     before = rp.calibrate(rr1, arm.readings(), arm.positions(), start=arm.start(), point=POINT)
