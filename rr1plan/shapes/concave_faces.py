@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.errors import FormatError
 
 _VERTEX = re.compile(rb"^v +(\S+) +(\S+) +(\S+)", re.MULTILINE)
 _POLYGON = re.compile(rb"^f(?: +\S+){4,} *$", re.MULTILINE)
 # Turns inward are rounding errors below this fraction of the square of a face's area. Corners are on the edge of a
 # triangle at this fraction of its area.
 _INWARD, _ON_EDGE = 1e-9, 1e-12
+# Most tests for ears for each corner, of which simple polygons take few, and most squared corners of all concave faces.
+_MOST_TESTS, _MOST_WORK = 20, 3 * 10**7
+_Face = tuple[re.Match[bytes], list[bytes]]
 
 
-def with_triangulated_faces(data: bytes) -> bytes:
+def with_triangulated_faces(data: bytes, file: Path) -> bytes:
     """The OBJ with a line for each triangle of its concave faces.
 
     Args:
         data: An OBJ whose faces count vertices from 1 on. If it is damaged, it is returned as it is.
+        file: Its file, for messages.
+
+    Raises:
+        FormatError: concave faces with so many corners that they take minutes.
     """
-    faces: dict[int, list[tuple[re.Match[bytes], list[bytes]]]] = {}
+    faces: dict[int, list[_Face]] = {}
     for line in _POLYGON.finditer(data):
         corners = line[0].split()[1:]
         faces.setdefault(len(corners), []).append((line, corners))
@@ -29,20 +39,22 @@ def with_triangulated_faces(data: bytes) -> bytes:
         return data
     try:
         vertices = np.array(_VERTEX.findall(data)).astype(float)
-        changed = [row for same in faces.values() for row in _triangulated(vertices, same)]
+        with np.errstate(all="ignore"):  # numbers that are too large are refused later
+            concave = [found for same in faces.values() for found in _concave(vertices, same)]
     except (ValueError, IndexError):  # the parser says what is wrong
         return data
+    if sum(len(points) ** 2 for *_, points in concave) > _MOST_WORK:
+        raise FormatError("has concave faces with too many corners, expected triangles: export it as triangles", file)
     parts, end = [], 0
-    for line, lines in sorted(changed, key=lambda row: row[0].start()):
-        parts += [data[end : line.start()], lines]
+    for line, corners, points in sorted(concave, key=lambda found: found[0].start()):
+        lines = (b"f " + b" ".join(corners[k] for k in triangle) for triangle in _clip_ears(points))
+        parts += [data[end : line.start()], b"\n".join(lines)]
         end = line.end()
     return b"".join([*parts, data[end:]])
 
 
-def _triangulated(
-    vertices: Array, faces: list[tuple[re.Match[bytes], list[bytes]]]
-) -> list[tuple[re.Match[bytes], bytes]]:
-    """The lines of concave faces with their triangles, of faces with the same number of corners."""
+def _concave(vertices: Array, faces: list[_Face]) -> Iterator[tuple[re.Match[bytes], list[bytes], Array]]:
+    """The concave ones of faces with the same number of corners, each with its counter-clockwise projection (n, 2)."""
     numbers = np.array([[int(corner.split(b"/")[0]) for corner in corners] for _, corners in faces])
     points = vertices[numbers - 1]
     edges = np.roll(points, -1, axis=1) - points
@@ -50,15 +62,11 @@ def _triangulated(
     normals = np.cross(fan, np.roll(fan, -1, axis=1)).sum(axis=1)
     turns = np.einsum("ijk,ik->ij", np.cross(np.roll(edges, 1, axis=1), edges), normals)
     concave = (turns < -_INWARD * (normals**2).sum(axis=1)[:, None]).any(axis=1)
-    found = []
     for i in np.flatnonzero(concave).tolist():
-        line, corners = faces[i]
-        # Projected along the axis nearest to the normal, counter-clockwise.
+        # Along the axis nearest to the normal.
         axis = int(np.argmax(np.abs(normals[i])))
         kept = [(axis + 1) % 3, (axis + 2) % 3]
-        triangles = _clip_ears(points[i][:, kept if normals[i, axis] > 0.0 else kept[::-1]])
-        found.append((line, b"\n".join(b"f " + b" ".join(corners[k] for k in triangle) for triangle in triangles)))
-    return found
+        yield *faces[i], points[i][:, kept if normals[i, axis] > 0.0 else kept[::-1]]
 
 
 def _clip_ears(points: Array) -> list[list[int]]:
@@ -67,8 +75,14 @@ def _clip_ears(points: Array) -> list[list[int]]:
     All corners are used, so that a surface stays closed. A polygon that crosses itself is divided somehow.
     """
     left, found = list(range(len(points))), []
+    k, tests = 1, _MOST_TESTS * len(points)
     while len(left) > 3:
-        k = next((k for k in range(len(left)) if _is_ear(points, left, k)), 1)
+        for _ in left:
+            k %= len(left)
+            tests -= 1
+            if tests < 0 or _is_ear(points, left, k):
+                break
+            k += 1
         found.append([left[k - 1], left[k], left[(k + 1) % len(left)]])
         del left[k]
     return [*found, left]

@@ -191,7 +191,7 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
 
     buffers = external_buffers(data, file) if file.suffix.lower() in GLTF else None
     if kind == "obj":
-        data = with_triangulated_faces(_regular_obj(data, file))
+        data = with_triangulated_faces(_regular_obj(data, file), file)
     elif kind == "ply":
         data = _regular_ply(data)
     try:

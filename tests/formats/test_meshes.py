@@ -693,3 +693,21 @@ def test_colors_of_vertices_count_with_their_mean(tmp_path: Path) -> None:
         balls.add_geometry(ball.apply_translation([k, 0, 0]))
     (tmp_path / "balls.glb").write_bytes(balls.export(file_type="glb"))
     assert {part.color for part in read_mesh(tmp_path / "balls.glb")} == {(1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.4)}
+
+
+def test_a_concave_face_of_too_many_corners_is_refused(tmp_path: Path) -> None:
+    angles = np.arange(8000) * np.pi / 4000
+    radii = np.where(np.arange(8000) % 2, 1.0, 0.9)
+    lines = [
+        f"v {x!r} {y!r} 0"
+        for x, y in zip((radii * np.cos(angles)).tolist(), (radii * np.sin(angles)).tolist(), strict=True)
+    ]
+    (tmp_path / "gear.obj").write_text("\n".join([*lines, "f " + " ".join(str(i) for i in range(1, 8001))]))
+    with pytest.raises(FormatError, match="concave faces with too many corners, expected triangles"):
+        load_mesh(tmp_path / "gear.obj")
+
+
+def test_numbers_of_an_obj_that_are_too_large_are_refused_without_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 1e300 0 0\nv 0 1e300 0\nv 0 0 0\nv -1e300 1 1\nf 1 2 3 4\n")
+    with pytest.raises(FormatError, match="not finite or farther away"):
+        load_mesh(tmp_path / "a.obj")
