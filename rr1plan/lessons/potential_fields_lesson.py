@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 GAINS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-REACHES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # [rad or m]
+REACHES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # [rad or m], those above the side of a cell
 GAIN, REACH = 0.03, 0.4
 _INK, _PATH = "#22262b", "#d55e00"
 # A query in the scene of the lesson about planning: a descent that gets stuck, and a goal away from all obstacles.
@@ -67,8 +67,12 @@ class PotentialFieldsLesson(Lesson):
                     f"the cell of the {end} is not free; try another {end}, away from obstacles and limits"
                 )
         self.distance = obstacle_distance(self.grid)
+        self.reaches = [reach for reach in REACHES if reach > self.grid.sides.max()] or [REACHES[-1]]
+        # Within the distance of influence of an obstacle the goal would not be the lowest point.
+        below = min(REACH, float(self.distance[self.grid.cell(self.goal)]))
+        self.reach = max((reach for reach in self.reaches if reach <= below), default=self.reaches[0])
         self.attractive = attraction(self.grid, self.goal)
-        self.total = self.attractive + repulsion(self.distance, GAIN, REACH)
+        self.total = self.attractive + repulsion(self.distance, GAIN, self.reach)
         self.wave = wave(self.grid, self.goal)
         self.steps = _steps(self)
 
@@ -80,8 +84,8 @@ class PotentialFieldsLesson(Lesson):
             "finer": FINER,
             "moves": [list(move) for move in MOVES],
             "gains": list(GAINS),
-            "reaches": list(REACHES),
-            "usual": [GAIN, REACH],
+            "reaches": self.reaches,
+            "usual": [GAIN, self.reach],
             "unit": length_unit(self.picture.grid.turns),
         }
         return document, (space, lesson_panel("potential", "Potential field", data, ("walk.js",)))
@@ -117,6 +121,7 @@ class PotentialFieldsLesson(Lesson):
         for q, marker, size in ((self.problem.start, "o", 9), (self.goal, "*", 16)):
             axes.plot(*space.wrapped(q), marker, color=_INK, mec="white", ms=size, zorder=5)
         axes.set(xlim=extent[:2], ylim=extent[2:], box_aspect=1)
+        axes.locator_params(nbins=5)
         for axis, name, turns in zip((axes.xaxis, axes.yaxis), space.joint_names, space.turns, strict=True):
             axis.set_label_text(f"{name} [{'rad' if turns else 'm'}]")
 
@@ -143,7 +148,12 @@ def _steps(lesson: PotentialFieldsLesson) -> tuple[LessonStep, ...]:
     attractive = math(sub("U", "att"), "=", fraction("1", "2"), power("d", 2))
     near = row("(", fraction("1", "ρ"), "−", fraction("1", "R"), ")")
     repulsive = math(sub("U", "rep"), "=", fraction("1", "2"), "η", power(near, 2))
-    outcome = "It reaches the goal." if ends else "It ends in a <b>local minimum</b>: the goal pulls into an obstacle."
+    if ends:
+        outcome = "It reaches the goal."
+    elif lesson.reach > lesson.distance[grid.cell(goal)]:
+        outcome = "It ends in a <b>local minimum</b>: an obstacle nearer than R pushes the arm away from the goal."
+    else:
+        outcome = "It ends in a <b>local minimum</b>: the goal pulls into an obstacle."
     filling = (
         f"From this start it visits {filled.visited:,} of {free:,} free cells."
         if len(filled.cells)

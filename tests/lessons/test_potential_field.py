@@ -143,3 +143,23 @@ def test_the_texts_are_about_the_query() -> None:
     assert lesson._page(rp.ViewOptions())[1][1].data["unit"] == " m"
     near = rp.lesson("potential_fields", problem=gantry(0.4, 0.6))
     assert "It reaches the goal." in str(near.steps)
+
+
+def test_the_default_distance_of_influence_is_below_that_of_the_goal() -> None:
+    cell = rp.Scene().with_arm("arm", rp.planar_arm("PP", (0.5, 0.5)))
+    cell = cell.with_obstacle("wall", rp.Box((0.1, 0.2, 0.2)), (0.3, 0.25, 0.0))
+    lesson: Any = rp.lesson("potential_fields", problem=rp.Problem(cell, [0.05, 0.25], rp.JointGoal([0.45, 0.25])))
+    assert lesson.reach < lesson.distance[lesson.grid.cell(lesson.goal)]
+    assert reached_share(lesson.grid, lesson.total, lesson.goal) > 0.4
+    data = lesson._page(rp.ViewOptions())[1][1].data
+    assert data["usual"][1] in data["reaches"]
+    text = {step.name: step.text for step in lesson.steps}
+    assert "goal: 0 %" not in text["basins"]
+
+
+def test_tick_labels_of_the_figure_do_not_overlap() -> None:
+    figure = rp.lesson("potential_fields", problem=gantry(1.7, 0.5)).figure()
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        boxes = [label.get_window_extent() for label in axes.get_xticklabels()]
+        assert all(one.x1 < two.x0 for one, two in pairwise(boxes))
