@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.playback.cspace.cspace_grid import compute_grid
+from rr1plan.playback.cspace.cspace_grid import compute_grid, joint_symbol
 from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.view_options import Panel
 from rr1plan.scene import Scene
@@ -48,7 +48,10 @@ def slice_axes(scene: Scene, arm: str, columns: tuple[int, int]) -> dict[str, ob
     halves = [0.5 * float(centers[1] - centers[0]) for centers in grid.axes]
     return {
         "columns": list(columns),
-        "joints": [{"name": name, "straight": robot.joint(name).kind == "prismatic"} for name in names],
+        "joints": [
+            {"name": name, "straight": robot.joint(name).kind == "prismatic", "symbol": joint_symbol(robot, name)}
+            for name in names
+        ],
         "low": [float(centers[0]) - half for centers, half in zip(grid.axes, halves, strict=True)],
         "high": [float(centers[-1]) + half for centers, half in zip(grid.axes, halves, strict=True)],
         "periodic": list(grid.periodic),

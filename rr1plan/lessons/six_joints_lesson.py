@@ -19,7 +19,7 @@ from rr1plan.lessons.mathml import math, root
 from rr1plan.lessons.picture_panels import pair_layers, picture_panel
 from rr1plan.playback.cspace.cspace_colors import HATCHES, ink_on, layer_colors, layer_patterns
 from rr1plan.playback.cspace.cspace_figure import swatch
-from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, joint_symbol
 from rr1plan.playback.viewer.page_document import pack_array, view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
@@ -39,7 +39,6 @@ _POSED, _TURNING = (0.21, 0.12, -0.43, -1.45, 2.19, -2.34), (-0.719, -0.057, -0.
 _AXES = {"x": "around x", "y": "around y", "z": "yaw (z)"}
 _CELLS = 180  # of a slice in the figure
 _SAMPLES = 10_000
-_DIGITS = "₁₂₃₄₅₆"
 
 
 class SixJointsLesson(Lesson):
@@ -78,10 +77,10 @@ class SixJointsLesson(Lesson):
         joints = [
             {
                 "name": name.removesuffix("_joint"),
-                "straight": (straight := robot.joint(name).kind == "prismatic"),
-                "symbol": _symbol(k, straight),
+                "straight": robot.joint(name).kind == "prismatic",
+                "symbol": joint_symbol(robot, name),
             }
-            for k, name in enumerate(robot.joint_names)
+            for name in robot.joint_names
         ]
         everything = {
             "joints": joints,
@@ -125,6 +124,7 @@ class SixJointsLesson(Lesson):
         robot = self.scene.arms[self.arm].robot
         posed = np.array(self.solutions[0].q)
         straight = [joint.kind == "prismatic" for joint in map(robot.joint, robot.joint_names)]
+        symbols = [joint_symbol(robot, name) for name in robot.joint_names]
         handles: dict[str, Patch] = {}
         # One pair of joints at several values of another joint; then other pairs.
         lower, upper = robot.limits.lower, robot.limits.upper
@@ -138,11 +138,11 @@ class SixJointsLesson(Lesson):
             for name, patch in _draw_slice(axes, grid).items():
                 handles.setdefault(name, patch)
             axes.set(xlim=(lower[i], upper[i]), ylim=(lower[j], upper[j]))
-            labels = [f"{_symbol(k, straight[k])} [{'m' if straight[k] else 'rad'}]" for k in (i, j)]
+            labels = [f"{symbols[k]} [{'m' if straight[k] else 'rad'}]" for k in (i, j)]
             axes.set(xlabel=labels[0], ylabel=labels[1])
             if (i, j) == (0, 2):
                 shown = f"{value:.2g} m" if straight[other] else f"{np.degrees(value):.0f}°"
-                axes.set_title(f"{_symbol(other, straight[other])} = {shown}", loc="left")
+                axes.set_title(f"{symbols[other]} = {shown}", loc="left")
         self._draw_share(plots[5])
         figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=8, frameon=False, fontsize=12)
 
@@ -172,11 +172,6 @@ def _draw_slice(axes: Axes, grid: CSpaceGrid) -> dict[str, Patch]:
             handles[name] = swatch(color, patterns[name], label=name)
     axes.set_box_aspect(1)
     return handles
-
-
-def _symbol(k: int, straight: bool) -> str:
-    """The symbol of a joint's variable."""
-    return f"{'d' if straight else 'θ'}{_DIGITS[k]}"
 
 
 def _solution_data(solution: InverseSolution) -> dict[str, object]:

@@ -119,3 +119,8 @@ def test_without_webassembly_the_slice_stays_and_says_so(tab: Any, page_file: Fi
     assert "The slice stays as it was saved" in tab.page.locator("#panel-cspace .fixed").inner_text()
     assert tab.page.locator("#panel-cspace .others").is_hidden()
     assert tab.complaints == []
+
+
+def test_joints_have_their_numbers_in_the_arm(fresh: Any) -> None:
+    labels = fresh.page.locator("#panel-cspace .pair.shown label").all_inner_texts()
+    assert labels == ["θ₁ shoulder_joint", "θ₃ elbow_joint"]

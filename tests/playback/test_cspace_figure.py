@@ -216,3 +216,9 @@ def test_names_are_text_not_formulas(planar2r: rp.Robot, tmp_path: Path) -> None
     assert line.stat().st_size > 1000
     assert space.stat().st_size > 1000
     assert trajectory_svg(motion)
+
+
+def test_axes_number_joints_as_the_arm_does(pictures: dict[str, rp.CSpace], figures: dict[str, Figure]) -> None:
+    axes = figures["rr1_table elbow"].axes[1]
+    assert axes.get_xlabel().startswith("θ₁ shoulder_joint")
+    assert axes.get_ylabel().startswith("θ₃ elbow_joint")

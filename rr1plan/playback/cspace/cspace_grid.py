@@ -16,7 +16,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.cspace.cspace_cells import Mask, label_components, shortest_way, widest_spot
 from rr1plan.playback.cspace.cspace_raster import CSpaceRaster
-from rr1plan.robot import Joint
+from rr1plan.robot import Joint, Robot
 from rr1plan.scene import Scene
 
 LIMITS = "joint limits"
@@ -24,6 +24,13 @@ LIMITS = "joint limits"
 FEWEST_CELLS, MOST_CELLS = 8, 2000
 # Half the width and half the height of a short name, as shares of the picture.
 _HALF_NAME, _ROOM = 0.07, 0.02
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def joint_symbol(robot: Robot, name: str) -> str:
+    """The symbol of a joint's variable, with the number of the joint in its arm: θ₁, or d₁ for a prismatic joint."""
+    number = str(robot.joint_names.index(name) + 1).translate(_SUBSCRIPTS)
+    return f"{'d' if robot.joint(name).kind == 'prismatic' else 'θ'}{number}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

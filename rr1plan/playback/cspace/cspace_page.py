@@ -24,7 +24,7 @@ from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import SELF_COLOR, layer_colors
-from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, name_spots
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, joint_symbol, name_spots
 from rr1plan.playback.cspace.cspace_raster import SELF, CSpaceRaster
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
 from rr1plan.playback.cspace.reach_outline import reach_of
@@ -140,7 +140,8 @@ def _color_obstacles(document: Document, colors: Mapping[str, str]) -> None:
 
 def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> dict[str, Any]:
     grid = cspace.grid
-    joints = [grid.scene.arms[grid.arm].robot.joint(name) for name in grid.joint_names]
+    robot = grid.scene.arms[grid.arm].robot
+    joints = [robot.joint(name) for name in grid.joint_names]
     columns = grid.scene.joint_names()
     steps = [float(centers[1] - centers[0]) for centers in grid.axes]
     labels, shares = _ranked_components(cspace)
@@ -148,7 +149,10 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
     return {
         "arm": grid.arm,
         "columns": [columns.index(name) for name in names],
-        "joints": [{"name": joint.name, "straight": joint.kind == "prismatic"} for joint in joints],
+        "joints": [
+            {"name": joint.name, "straight": joint.kind == "prismatic", "symbol": joint_symbol(robot, joint.name)}
+            for joint in joints
+        ],
         "low": [float(c[0]) - 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
         "high": [float(c[-1]) + 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
         "periodic": list(grid.periodic),

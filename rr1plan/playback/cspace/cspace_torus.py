@@ -27,7 +27,7 @@ from rr1plan.playback.cspace.cspace_colors import (
     layer_patterns,
     pattern_cells,
 )
-from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, name_spots
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, joint_symbol, name_spots
 from rr1plan.playback.cspace.cspace_lines import ObstacleName, along, gradient, write_name
 from rr1plan.playback.search_trees import DrawnTree
 
@@ -106,8 +106,9 @@ def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> dict[str, 
     names = {name: write_name(axes, name, [np.array(spot)], colors[name]) for name, spot in spots.items()}
     _draw_ends(axes, cspace)
     _draw_seams(axes, grid, note)
+    robot = grid.scene.arms[grid.arm].robot
     for k, (axis, name, turns) in enumerate(zip((axes.xaxis, axes.yaxis), grid.joint_names, grid.turns, strict=True)):
-        axis.set_label_text(f"θ{'₁₂'[k]} {name} [rad]" if turns else f"d{'₁₂'[k]} {name} [m]")
+        axis.set_label_text(f"{joint_symbol(robot, name)} {name} [{'rad' if turns else 'm'}]")
         if turns:
             _pi_ticks(axis, *spans[k])
     return names

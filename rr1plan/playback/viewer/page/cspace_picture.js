@@ -320,6 +320,6 @@ function arrows(pen, x, y, dx, dy, count, unit) {
   }
 }
 
-const symbol = (axis) => data.joints[axis].symbol || `${data.joints[axis].straight ? "d" : "θ"}${"₁₂"[axis]}`;
+const symbol = (axis) => data.joints[axis].symbol;
 const readingOf = (column, v) => viewer.jointText(column, v).replace("-", "−");
 const reading = (axis, v) => readingOf(data.columns[axis], v);
