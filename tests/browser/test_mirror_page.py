@@ -55,7 +55,7 @@ def test_deviations_of_slides_are_lengths(tab: Any) -> None:
         wait_until(tab.page, "document.querySelector('#panel-mirror .facts').textContent.startsWith('0.00 s')")
         rows = "[...document.querySelectorAll('#panel-mirror .deviation')].slice(1)"
         shown = [text.split()[1] for text in tab.ask(f"{rows}.map((row) => row.innerText)")]
-        assert shown == ["12.50", "-5.73°"]
+        assert shown == ["12.50", "−5.73°"]
         assert "12.50 mm" in tab.ask(f"{rows}[0].innerText")
         # Each bar is as long as the largest deviation of its kind.
         assert tab.ask(f"{rows}.map((row) => row.querySelector('b').style.width)") == ["50%", "50%"]

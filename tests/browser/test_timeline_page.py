@@ -177,3 +177,15 @@ def test_cards_beside_a_panel_do_not_overlap_on_a_projector(tab: Any, planar2r: 
     assert len(boxes) > 5
     assert all(bar[0] <= box[0] and box[2] <= bar[2] for box in boxes.values())
     assert tab.complaints == []
+
+
+def test_a_time_line_of_one_arm_says_so(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    motion = rp.plan_motion(rp.Problem(scene, None, [0.4, 0.3]), rng=0)
+    options = rp.ViewOptions(play=False, panels=[rp.timeline(motion.trajectory, scene).panel()])
+    tab.open(motion.save_html(tmp_path / "page.html", options=options))
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    assert tab.ask("RR1.editing.plan().then((answer) => answer.legs === undefined || answer.certified)")
+    assert tab.page.inner_text("#panel-timeline .said").startswith("1 arm, ")
+    assert tab.ask("RR1.jointText(0, -0.5)") == "−28.6°"
+    assert tab.complaints == []

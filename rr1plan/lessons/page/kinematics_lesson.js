@@ -3,7 +3,7 @@
 const own = data.own, { flat } = own, { THREE } = viewer;
 const space = viewer.lesson;
 const fixed = (v, digits = 3) => (Number.isFinite(v) ? (Math.abs(v) < 0.5 * 10 ** -digits ? 0 : v).toFixed(digits).replace("-", "−") : "∞");
-const angle = (v) => `${tenths((180 / Math.PI) * v)}°`.replace("-", "−");
+const angle = (v) => `${tenths((180 / Math.PI) * v)}°`;
 const reading = (v, k) => (own.joints[k].slides ? `${fixed(v)} m` : angle(v));
 const wrap = (v) => Math.atan2(Math.sin(v), Math.cos(v));
 

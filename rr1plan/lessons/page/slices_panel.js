@@ -73,7 +73,7 @@ class SixJoints {
       // Browsers round the value of a slider, at its ends to outside of the limits.
       slider.oninput = () => { const q = this.q(); q[k] = clamp(Number(slider.value), low, high); this.pose(q); };
       row.append(label, out, slider);
-      return { row, slider, out, text: straight ? (v) => readingOf(data.arm[k], v) : degrees };
+      return { row, slider, out, text: straight ? (v) => viewer.jointText(data.arm[k], v) : degrees };
     });
     part(".sliders").replaceChildren(...this.sliders.map(({ row }) => row));
   }
@@ -288,7 +288,7 @@ class SixJoints {
       pen.beginPath(); pen.moveTo(left, y(p)); pen.lineTo(right, y(p)); pen.stroke();
       pen.fillText(percent(p, 0), left - 6 * unit, y(p));
     }
-    chart.write(n ? `${n} samples` : "no samples", 0.5 * (left + right), height - 8 * unit, { color: SOFT, weight: 400, size: 11 });
+    chart.write(n ? `${n} ${n === 1 ? "sample" : "samples"}` : "no samples", 0.5 * (left + right), height - 8 * unit, { color: SOFT, weight: 400, size: 11 });
     if (!n) return;
     const ends = Array.from({ length: 200 }, (_, k) => Math.max(1, Math.round(((k + 1) / 200) * n)));
     const rows = ends.map((k) => [k, ...this.interval(k)]);

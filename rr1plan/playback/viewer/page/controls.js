@@ -409,15 +409,15 @@ class Controls {
 
 const TURN = 2 * Math.PI;
 const DEGREES = 180 / Math.PI;
-/** A value with some decimals, never "-0.0": the sum of -0 and 0 is 0. */
-const decimals = (value, digits) => (Math.round(10 ** digits * value) / 10 ** digits + 0).toFixed(digits);
+/** A value with some decimals and a minus sign, never "−0.0": the sum of -0 and 0 is 0. */
+const decimals = (value, digits) => (Math.round(10 ** digits * value) / 10 ** digits + 0).toFixed(digits).replace("-", "−");
 const tenths = (value) => decimals(value, 1);
 /** The unit of lengths up to a given one [m], and its scale. */
 const lengthUnit = (largest) => (largest < 10 ? { unit: "mm", scale: 1000 } : { unit: "m", scale: 1 });
-/** A coordinate [m] with digits down to less than a thousandth of a given size [m], and never "-0.000". */
+/** A coordinate [m] with digits down to less than a thousandth of a given size [m], with a minus sign, never "−0.000". */
 const placed = (meters, span) => {
   const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), 3), 9));
-  return Number(text) === 0 ? text.replace("-", "") : text;
+  return text.replace("-", Number(text) === 0 ? "" : "−");
 };
 /** A distance in its most readable unit, with digits down to a micrometer where it is small. */
 const length = (meters) => {

@@ -440,7 +440,7 @@ class Lesson {
         const { column } = data.others[k], v = viewer.q[column];
         slider.value = v;
         slider.style.setProperty("--part", `${(100 * (v - slider.min)) / (slider.max - slider.min)}%`);
-        showValue(slider, out, readingOf(column, v));
+        showValue(slider, out, viewer.jointText(column, v));
       });
       if (this.otherValues().some((v, k) => v !== this.cutAt[k])) this.recut();
     }

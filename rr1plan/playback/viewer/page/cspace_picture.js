@@ -321,5 +321,4 @@ function arrows(pen, x, y, dx, dy, count, unit) {
 }
 
 const symbol = (axis) => data.joints[axis].symbol;
-const readingOf = (column, v) => viewer.jointText(column, v).replace("-", "−");
-const reading = (axis, v) => readingOf(data.columns[axis], v);
+const reading = (axis, v) => viewer.jointText(data.columns[axis], v);

@@ -145,7 +145,7 @@ class Workspace {
   }
 
   follow(q) {
-    const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${placed(v, this.outer)} m`.replace("-", "−");
+    const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${placed(v, this.outer)} m`;
     this.handle.position.set(x, y, data.planar.height);
     // Significant digits, for arms of millimeters too.
     const digits = (v, whole, count) => (whole < 0.05 ? v.toPrecision(3) : v.toFixed(count));

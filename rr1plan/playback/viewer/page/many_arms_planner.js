@@ -187,7 +187,7 @@ class ManyArmsPlanner {
         const most = quick ? Math.min(QUICK, iterations) : iterations;
         const leg = this.#planArm(arm, now, to, { seed, iterations: most, seconds: (deadline - performance.now()) / 1000 });
         answer.iterations += leg.iterations;
-        this.report(`${answer.legs.length + (leg.track ? 1 : 0)} of ${total} arms`);
+        this.report(`${answer.legs.length + (leg.track ? 1 : 0)} of ${total} ${total === 1 ? "arm" : "arms"}`);
         if (!leg.track) {
           reason = leg.reason;
           return true;

@@ -133,7 +133,7 @@ function rowsPlannedHere(track) {
   });
   const makespan = track.end - track.start;
   const how = viewer.planner instanceof ManyArmsPlanner ? "one after the other" : "in their joint space";
-  return { arms: rows, conflicts: [], start: track.start, makespan, summary: `${rows.length} arms, ${makespan.toFixed(2)} s, planned here ${how}` };
+  return { arms: rows, conflicts: [], start: track.start, makespan, summary: `${rows.length} ${rows.length === 1 ? "arm" : "arms"}, ${makespan.toFixed(2)} s, planned here ${how}` };
 }
 
 /** Moves the time cursor to the current time of the motion. */
