@@ -297,7 +297,7 @@ def test_the_error_of_a_replay_has_the_unit_of_its_joint(
 def test_a_violation_leads_to_its_moment_and_pair(calm: Any) -> None:
     assert calm.page.inner_text("#badge") == "Invalid: 1 found"
     facts = calm.page.inner_text("#facts")
-    assert re.search(r"Clearance\s+-4.0 mm", facts)
+    assert re.search(r"Clearance\s+−4.0 mm", facts)
     assert re.search(r"Self clearance\s+10.2 mm", facts)
     assert re.search(r"MuJoCo\s+motion not followed, off by 20 mrad at most, no contact", facts)
     assert "self clearance" in calm.page.text_content("#report")

@@ -422,8 +422,8 @@ const placed = (meters, span) => {
 /** A distance in its most readable unit, with digits down to a micrometer where it is small. */
 const length = (meters) => {
   const size = Math.abs(meters);
-  if (size >= 0.1) return `${meters.toFixed(3)} m`;
-  return `${(1000 * meters).toFixed(size === 0 || size >= 1e-3 ? 1 : size >= 1e-4 ? 2 : 3)} mm`;
+  if (size >= 0.1) return `${decimals(meters, 3)} m`;
+  return `${decimals(1000 * meters, size === 0 || size >= 1e-3 ? 1 : size >= 1e-4 ? 2 : 3)} mm`;
 };
 /** A number with three significant digits, and without an exponent if it is large. */
 const digits = (value) => (Math.abs(value) >= 1000 ? value.toFixed(0) : value.toPrecision(3));
