@@ -315,3 +315,18 @@ def test_a_long_name_of_an_arm_stays_inside_the_card(tab: Any, planar2r: rp.Robo
     tab.next_frames()
     assert tab.ask("(({ scrollWidth, clientWidth }) => scrollWidth <= clientWidth)(document.getElementById('editing'))")
     assert tab.complaints == []
+
+
+def test_a_low_window_shows_the_verdict_while_arms_are_moved(tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.load_scene("rr1_twelve")
+    assert scene.description
+    tab.resize(640, 360)
+    tab.open(save_html(tmp_path / "page.html", scene, trajectory=wander(scene), options=rp.ViewOptions(play=False)))
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    tab.ask("RR1.editing.open(true)")
+    tab.ask("() => { const q = RR1.editing.start.slice(); q[0] += 0.3; RR1.editing.setEnd('goal', q); }")
+    assert tab.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    tab.next_frames()
+    bottom = "(id) => document.getElementById(id).getBoundingClientRect().bottom"
+    assert tab.ask(bottom, "badge") < tab.ask(bottom, "headline") - 4
+    assert tab.complaints == []
