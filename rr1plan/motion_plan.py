@@ -12,7 +12,7 @@ from rr1plan.checks import check_text, counted, known_name
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.notebook_view import NotebookView
 from rr1plan.path import Path
-from rr1plan.planning import PlanResult, PlanStatus
+from rr1plan.planning import EACH_ARM_ALONE, PlanResult, PlanStatus
 from rr1plan.report import Report
 from rr1plan.scene import Scene
 from rr1plan.scene.joint_units import length_unit
@@ -107,6 +107,8 @@ class MotionPlan(NotebookView):
     @property
     def path(self) -> Path:
         """The shortened path."""
+        if self.many_arms is not None and self.found:
+            raise NoPlanError(EACH_ARM_ALONE)
         return self._path if self._path is not None else _present(self.result.path, self.result)
 
     @property

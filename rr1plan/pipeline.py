@@ -200,8 +200,7 @@ def _plan_many_arms(
             report = judge(found.trajectory, problem.scene, problem, clearance=False)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner, seed), seconds)
-    reason = "each arm has its own path, see `many_arms.paths`"
-    result = PlanResult(found.status, None, reason, planner, seed, seconds=found.seconds, iterations=found.improvements)
+    result = PlanResult(found.status, None, "", planner, seed, seconds=found.seconds, iterations=found.improvements)
     return MotionPlan(
         problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found, _judge=judge
     )

@@ -30,6 +30,8 @@ from rr1plan.progress import ProgressCallback as ProgressCallback
 from rr1plan.scene.problem import Problem
 
 _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
+EACH_ARM_ALONE = "each arm has its own path, see `many_arms.paths`"
+"""Why the result of a found plan of many arms has no path."""
 
 
 class PlanStatus(StrEnum):
@@ -104,8 +106,10 @@ class PlanResult:
 
     Args:
         status: How it ended; a path exists exactly for FOUND.
-        path: The path, every edge certified free, start exact, end at a goal; or None.
-        reason: Why there is no path, in words (which links touch what, which joint is out by how much).
+        path: The path, every edge certified free, start exact, end at a goal; or None, also if each of many arms has
+            its own.
+        reason: Why there is no path, in words (which links touch what, which joint is out by how much); empty if one
+            was found.
         planner: Name of the planner.
         seed: Seed that reproduces this result under the same budget of iterations.
         seconds: Wall time [s].
@@ -128,7 +132,7 @@ class PlanResult:
 
     def __repr__(self) -> str:
         said = (
-            self.reason
+            self.reason or EACH_ARM_ALONE
             if self.path is None
             else f"{counted(len(self.path), 'waypoint')}, length {self.path.length:.2f}"
         )
@@ -150,7 +154,7 @@ class PlanResult:
             NoPlanError: no path was found; the message is the reason.
         """
         if self.path is None:
-            raise NoPlanError(f"{self.planner}: {self.status.value}: {self.reason}")
+            raise NoPlanError(f"{self.planner}: {self.status.value}: {self.reason or EACH_ARM_ALONE}")
         return self.path
 
 

@@ -92,6 +92,7 @@ def test_plan_motion_answers_problems_of_many_arms_with_proof(rr1: rp.Robot, tmp
     assert motion.many_arms is not None
     assert motion.trajectory.arms == problem.arms
     assert motion.result.planner == "many_arms"
+    assert motion.reason == ""
     again = rp.load_motion(motion.save(tmp_path / "motion.json"))
     assert again.valid
     assert again.trajectory.allclose(motion.trajectory)
