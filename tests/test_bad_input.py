@@ -189,6 +189,11 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "retiming_number": (lambda s: rp.plan_motion(rp.Problem(s, "home", "zero"), retiming=3), rp.InputError, "retiming"),
     "joints_number": (lambda s: rp.load_robot("rr1", joints=3), rp.InputError, "joints is 3"),
     "panels_number": (lambda s: rp.save_html("a.html", s, options=rp.ViewOptions(panels=3)), rp.InputError, "panels"),
+    "folder_missing": (
+        lambda s: rp.load_robot("rr1", package_dirs=["not_there"]),
+        rp.InputError,
+        "package_dirs names 'not_there', which is not a folder",
+    ),
     "folders_text": (lambda s: rp.load_robot("rr1", package_dirs="here"), rp.InputError, "list of folders"),
 }
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 from weakref import WeakValueDictionary
 
-from rr1plan.checks import check_text, file_path, known_name, resolved_path
+from rr1plan.checks import check_text, file_path, items_of, known_name, resolved_path
 from rr1plan.errors import FormatError, InputError, InstallationError, UnknownNameError
 from rr1plan.files.file_access import is_regular
 from rr1plan.robot import Robot
@@ -134,11 +134,15 @@ def load_robot(
     Raises:
         UnknownNameError: no such robot, group, joint or link.
         FormatError: a file that is not in its format.
-        InputError: joints that cannot be planned for, or that have limits beyond ±10000 rad or m.
+        InputError: folders that are not there, joints that cannot be planned for, or that have limits beyond ±10000
+            rad or m.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
     if tool is not None:
         check_text("tool", tool)
+    for place in items_of("package_dirs", package_dirs, "folders"):
+        if not file_path(place).is_dir():
+            raise InputError(f"package_dirs names {str(place)!r}, which is not a folder")
     folder, file, beside = locate_robot(name_or_file)
     if file.suffix.lower() in _MJCF_SUFFIXES and is_mjcf(file):
         if xacro_arguments is not None:
