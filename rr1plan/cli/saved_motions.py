@@ -116,7 +116,9 @@ def single_motion(file: str, options: Namespace, console: Console, use: str) -> 
 
 def say_changes(motion: MotionPlan | SequencePlan, console: Console) -> None:
     """Print the scene of a motion, its parts, and the differences from the scene in which it was made."""
-    console.say(f"in the scene {motion.scene.name}: {motion.size()}")
+    name = motion.scene.name
+    where = "the scene" if name == rp.Scene.name else f"the scene {name}"
+    console.say(f"in {where}: {motion.size()}")
     if motion.changes:
         console.say("the scene differs from the one that the motion was made in:")
     for change in motion.changes:

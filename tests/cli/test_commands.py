@@ -214,6 +214,15 @@ def test_a_missing_browser_is_reported_before_any_file_is_written(
     assert not list(Path.cwd().iterdir())
 
 
+def test_a_scene_without_a_name_is_not_named(
+    planar2r: rp.Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    problem = rp.Problem(rp.Scene().with_arm("arm", planar2r), [0.0, 0.0], [1.0, 0.5])
+    file = rp.plan_motion(problem, rng=0).save(tmp_path / "motion.json")
+    assert run(["validate", str(file)]) == OK
+    assert "in the scene: " in capsys.readouterr().out
+
+
 def test_validate_accepts_a_good_motion_and_refuses_it_elsewhere(
     motion: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
