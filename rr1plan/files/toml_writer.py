@@ -30,21 +30,23 @@ def _table(data: Mapping[str, object], path: tuple[str, ...], lines: list[str], 
     plain = {k: v for k, v in data.items() if k not in below and k not in lists}
     if path and (plain or lists or not below):
         lines.append("")
-        lines.append(f"[{'.'.join(_key(p) for p in path)}]")
-    lines += [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
+        lines.append(f"[{'.'.join(toml_key(p) for p in path)}]")
+    lines += [f"{toml_key(key)} = {_value(value)}" for key, value in plain.items()]
     for key, rows in lists.items():
-        lines.append(f"{_key(key)} = [")
+        lines.append(f"{toml_key(key)} = [")
         lines += [f"  {_value(row)}," for row in rows]
         lines.append("]")
     for key, table in below.items():
         _table(table, (*path, key), lines, depth)
 
 
-def _key(key: str) -> str:
-    return key if _BARE.match(key) else _text(key)
+def toml_key(key: str) -> str:
+    """A key, in quotes if it needs them."""
+    return key if _BARE.match(key) else toml_text(key)
 
 
-def _text(value: str) -> str:
+def toml_text(value: str) -> str:
+    """A text in quotes."""
     escaped = "".join(_ESCAPES.get(c, f"\\u{ord(c):04X}" if ord(c) < 32 or ord(c) == 127 else c) for c in value)
     return f'"{escaped}"'
 
@@ -59,10 +61,10 @@ def _value(value: object) -> str:
             raise InputError("a NaN cannot be written to a TOML file")
         return repr(float(value))
     if isinstance(value, str):
-        return _text(value)
+        return toml_text(value)
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_value(item) for item in value) + "]"
     if isinstance(value, Mapping):
-        inner = ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items())
+        inner = ", ".join(f"{toml_key(k)} = {_value(v)}" for k, v in value.items())
         return "{ " + inner + " }" if inner else "{}"
     raise InputError(f"TOML has no form for {value!r}")

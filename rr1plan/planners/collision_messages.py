@@ -8,8 +8,9 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker, Contact
+from rr1plan.files.toml_writer import toml_key, toml_text
 from rr1plan.scene import Scene
-from rr1plan.scene.held_contacts import contact_advice
+from rr1plan.scene.held_contacts import allowed_entry, contact_advice
 
 # Elements whose depth is below this [m] touch, rather than overlap: the resolution of the kernel and of Coal.
 _TOUCH = 1e-6
@@ -78,7 +79,7 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
         for arm in posed:
             yield (
                 f"{arm!r} does not move in this problem: give it another configuration "
-                f"(scene.with_configuration({arm!r}, ...), in a scene file q of [arms.{arm}])"
+                f"(scene.with_configuration({arm!r}, ...), in a scene file q of [arms.{toml_key(arm)}])"
             )
         return
     if is_static and not {contact.a, contact.b} & (scene.obstacles.keys() | scene.attachments.keys()):
@@ -89,7 +90,7 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
         if is_base and stands and is_static:
             yield (
                 f"{link!r} does not move: if it stands on {support!r}, allow the pair, which is then not checked "
-                f'(scene.allow({link!r}, {support!r}), in a scene file allowed = [["{link}", "{support}"]]), or move '
+                f"(scene.allow({link!r}, {support!r}), in a scene file {allowed_entry([(link, support)])}), or move "
                 "one of them"
             )
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
@@ -99,7 +100,7 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
             link = other.split("/", 1)[-1]
             yield (
                 f"{held!r} touches the hand that holds it: name the link with scene.attach({held!r}, "
-                f'touch=[{link!r}]), in a scene file touch = ["{link}"] in [attachments.{held}]'
+                f"touch=[{link!r}]), in a scene file touch = [{toml_text(link)}] in [attachments.{toml_key(held)}]"
             )
 
 

@@ -29,6 +29,7 @@ from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressC
 from rr1plan.robot.contact_bands import ContactBand, contact_bands
 from rr1plan.robot.link_contacts import LinkBodies, Pair
 from rr1plan.scene import pair as unordered
+from rr1plan.scene.held_contacts import allowed_entry
 from rr1plan.scene.problem import Problem
 
 _SHARE, _MOST_SECONDS = 0.1, 1.0
@@ -162,12 +163,12 @@ class _HintSearch:
     def _describe(self, pairs: Sequence[_LinksOfArm]) -> str:
         arms = ", ".join(dict.fromkeys(repr(arm) for arm, _ in pairs))
         several = len(pairs) > 1
-        calls = "".join(f".allow('{a}', '{b}')" for a, b in (_elements(*key) for key in pairs))
-        rows = ", ".join(f'["{a}", "{b}"]' for a, b in (_elements(*key) for key in pairs))
+        elements = [_elements(*key) for key in pairs]
+        calls = "".join(f".allow({a!r}, {b!r})" for a, b in elements)
         return (
             f"start and goal of {arms} seem to be separated by {' and by '.join(map(self._described, pairs))}; "
             f"if that is an artifact of their shapes, allow the {'pairs' if several else 'pair'} (scene{calls}, in a "
-            f"scene file allowed = [{rows}]), give an SRDF, or load the robot with convex='pieces'"
+            f"scene file {allowed_entry(elements)}), give an SRDF, or load the robot with convex='pieces'"
         )
 
     def _described(self, key: _LinksOfArm) -> str:

@@ -61,6 +61,13 @@ def test_the_words_for_a_scene_file_are_those_of_scene_files(held: rp.Scene, tmp
     assert rp.plan(rp.Problem(scene, scene.configuration(), "home"), rng=0).found
 
 
+def test_names_with_quotes_are_written_as_in_scene_files(held: rp.Scene) -> None:
+    (top,) = held.obstacles["table"].geometries
+    scene = held.without_obstacle("table").with_obstacle('the "big" table', top.shape, [*PLACE, 0.05])
+    (line,) = re.findall(r"in a scene file (allowed = .*\]\])", reason(scene))
+    assert tomllib.loads(line)["allowed"] == [["can", 'the "big" table']]
+
+
 def test_a_gap_below_the_kernel_s_rounding_names_its_pair(rr1: rp.Robot) -> None:
     said = reason(table_with_can(rr1.with_locked_joints("open"), 5e-10))
     assert re.search("'(can|table)' and '(can|table)' touch", said)
