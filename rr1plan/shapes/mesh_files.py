@@ -137,9 +137,10 @@ def warn_of_millimeters(place: str, kind: str, parts: Sequence[Array]) -> None:
         kind: "mesh" or "scan", for the message.
         parts: Points of each part with its scale [m], shape (n, 3).
     """
+    advice = "multiply its points by 0.001" if kind == "scan" else "scale it by 0.001"
     width = max(float(np.ptp(points, axis=0).max()) for points in parts)
     if width > _WIDEST:
-        log.warning("%s: the %s is %.4g m wide; if it is in millimeters, scale it by 0.001", place, kind, width)
+        log.warning("%s: the %s is %.4g m wide; if it is in millimeters, %s", place, kind, width, advice)
 
 
 def joined_mesh(parts: Sequence[Mesh]) -> Mesh:

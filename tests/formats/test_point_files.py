@@ -182,7 +182,7 @@ def test_a_scan_that_seems_to_be_in_millimeters_is_said(tmp_path: Path, caplog: 
     rp.load_scene(tmp_path / "cell.toml")
     assert len(caplog.messages) == 2
     for message in caplog.messages:
-        assert "scan.xyz: the scan is 1000 m wide; if it is in millimeters" in message
+        assert "scan.xyz: the scan is 1000 m wide; if it is in millimeters, multiply its points by 0.001" in message
 
 
 def test_a_point_at_infinity_is_refused(tmp_path: Path) -> None:
