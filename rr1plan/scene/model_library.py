@@ -140,9 +140,7 @@ def load_robot(
     """
     if tool is not None:
         check_text("tool", tool)
-    for place in items_of("package_dirs", package_dirs, "folders"):
-        if not file_path(place).is_dir():
-            raise InputError(f"package_dirs names {str(place)!r}, which is not a folder")
+    _check_folders(package_dirs)
     folder, file, beside = locate_robot(name_or_file)
     if file.suffix.lower() in _MJCF_SUFFIXES and is_mjcf(file):
         if xacro_arguments is not None:
@@ -167,6 +165,12 @@ def load_robot(
     if xacro_arguments is not None:
         options["xacro_arguments"] = {str(name): str(value) for name, value in xacro_arguments.items()}
     return _shared(replace(robot, load_options=options))
+
+
+def _check_folders(package_dirs: Sequence[str | Path]) -> None:
+    for folder in items_of("package_dirs", package_dirs, "folders"):
+        if not file_path(folder).is_dir():
+            raise InputError(f"package_dirs names {str(folder)!r}, which is not a folder")
 
 
 def _srdf_option(srdf: str | Path | Literal[False] | None, beside: Path | None) -> dict[str, object]:
