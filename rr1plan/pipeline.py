@@ -73,7 +73,7 @@ def plan_motion(
             halving, a larger margin may keep less than a smaller one: where the start has a clearance of 5 mm, a margin
             of 2 mm is kept, and one of 3 mm becomes 1.5 mm.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
-        budget: When to stop the planner (default: 10 s); "many_arms" counts only its seconds.
+        budget: When to stop the planner (default: 10 s); "many_arms" counts only its seconds, unless they are infinite.
         rng: Seed; the same seed and a budget of iterations give the same motion; with "many_arms" the same seed does
             unless time runs out.
         progress: Called about ten times a second during planning and convex decomposition of moving meshes, and once at

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -34,8 +35,8 @@ def check_many_arms_options(options: Namespace, problem: Problem) -> None:
     planner = options.planner or default_planner(problem, options.retiming)
     if planner in MANY_ARMS_PLANNERS and options.no_shorten:
         raise InputError(f"--no-shorten has no effect with --planner {planner}, whose paths are always shortened")
-    if planner == MANY_ARMS_PLANNERS[0] and options.iterations is not None:
-        raise InputError(f"--iterations has no effect with --planner {planner}, whose budget is --seconds only")
+    if planner == MANY_ARMS_PLANNERS[0] and options.iterations is not None and math.isfinite(options.seconds):
+        raise InputError(f"--iterations has no effect with --planner {planner}, except with --seconds inf")
     if options.diagram is None:
         return
     if planner not in MANY_ARMS_PLANNERS:

@@ -177,7 +177,9 @@ def plan_many_arms(
         margin: Distance to keep in addition to the scene's padding [m], as far as starts, goals and narrow passages
             between stationary objects allow (default: the margin of the problem, or 2 mm if it has none). Arms planned
             as one keep at most the smallest of their margins.
-        budget: When to stop (default: 10 s); only its seconds count, not its iterations.
+        budget: When to stop (default: 10 s). Only its seconds count, unless they are infinite: then its iterations
+            limit the searches for the first path of each arm, and the rounds of each group, which are more by one for
+            each doubling of the iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
             not at all). Makespan first, then the sum of all arrival times.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
@@ -205,7 +207,8 @@ def plan_many_arms(
     known_name("method", method, _METHODS)
     timing = HopTiming(retiming, torque_limits)
     seconds = (budget or Budget()).seconds
-    watch = Stopwatch(seconds - min(_RESERVE, _MOST_RESERVE * seconds), progress)
+    iterations = budget.iterations if budget is not None and math.isinf(seconds) else None
+    watch = Stopwatch(seconds - min(_RESERVE, _MOST_RESERVE * seconds), progress, iterations)
     generator = as_generator(rng)
     largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
     if largest < 0.0:
@@ -334,7 +337,7 @@ def _search_groups(task: _Task, found: Preflight) -> tuple[Preflight, _GroupSear
     failed: list[GroupResult] = []  # of the last search that was not cut short by the deadline
     while True:
         search = _GroupSearch(task, now)
-        search.rounds = _ROUNDS_OF_GOALS << attempt // _COMBINATIONS
+        search.rounds = min(_ROUNDS_OF_GOALS << attempt // _COMBINATIONS, task.watch.rounds)
         groups = search.run()
         kept = replace(now, margins=search.margins)
         unsolved = [arm for group in groups if not group.found for arm in group.arms]
@@ -343,8 +346,8 @@ def _search_groups(task: _Task, found: Preflight) -> tuple[Preflight, _GroupSear
         if not task.watch.goes_on():
             return kept, search, failed or groups
         failed = groups
-        if not search.planners and (found.choices is None or found.choices.several.isdisjoint(unsolved)):
-            return kept, search, groups  # an arm does not reach its only goal configuration
+        if found.choices is None or found.choices.several.isdisjoint(unsolved) or search.rounds >= task.watch.rounds:
+            return kept, search, groups  # the same goal configurations again, or no more rounds
         attempt += 1
         other = None
         if attempt % _COMBINATIONS:
@@ -430,7 +433,7 @@ class _GroupSearch:
             arm: PathPool(agent, found.margins[arm], np.random.default_rng(task.seeds[arm]), task.watch)
             for arm, agent in found.agents.items()
         }
-        self.rounds = math.inf
+        self.rounds: float = math.inf
         self.planners: list[GroupPlanner] = []
         self.diagrams = DiagramCache(task.margin, task.watch)
         self.impossible = ""
@@ -515,7 +518,7 @@ class _GroupSearch:
         group, began = planner.group, self._watch.seconds
         # Large groups continue to repair their schedules instead, because each round of theirs takes long.
         may_change = len(group.arms) <= COUPLED_FIRST and not self._several.isdisjoint(group.arms)
-        solved = planner.run(self.rounds if may_change else math.inf)
+        solved = planner.run(self.rounds if may_change else self._watch.rounds)
         if solved:
             planner.improve(_IMPROVEMENTS)
         reason = "" if solved else group.reason

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from copy import copy
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from rr1plan.planning import Progress, ProgressCallback
 
 _REPORTS = 0.1  # time between two reports [s]
+_FIRST_ROUND = 2000  # iterations of a planner in the first round of a search; later rounds have twice as many each
 CANCELLED = "the progress callback returned False"
 """Reason of results of cancelled searches."""
 
@@ -22,14 +24,17 @@ class Stopwatch:
     Args:
         budget: Seconds until the search has to stop (inf: no limit).
         progress: Called about ten times a second, in the thread that created the clock; False cancels. May be None.
+        iterations: Iterations of planners after which searches of growing effort end (None: no limit).
 
     Attributes:
+        iterations: Like the argument.
         stop: A flag for long-running kernels, shape (1,): nonzero once the search is cancelled or, in a `with` block of
             the clock, its deadline has passed.
     """
 
-    def __init__(self, budget: float, progress: ProgressCallback | None = None) -> None:
+    def __init__(self, budget: float, progress: ProgressCallback | None = None, iterations: int | None = None) -> None:
         self._began = time.perf_counter()
+        self.iterations = iterations
         self._budget, self._progress = budget, progress
         self._reported = -_REPORTS
         self._thread = threading.get_ident()
@@ -64,6 +69,11 @@ class Stopwatch:
     def left(self) -> float:
         """Wall time left [s]; negative after the deadline."""
         return self._budget - self.seconds
+
+    @property
+    def rounds(self) -> float:
+        """Largest number of rounds of a search whose effort grows; inf without a limit of iterations."""
+        return math.inf if self.iterations is None else max(1, (self.iterations // _FIRST_ROUND).bit_length())
 
     @property
     def time_left(self) -> float:

@@ -53,7 +53,7 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
         (["plan", "rr1_table", "--goal", "home", *POSITION], "got --goal and --position"),
         (["plan", "rr1_table", "--planner", "cartesian", "--no-shorten", *POSITION], "--no-shorten has no effect with"),
         (["plan", "rr1_ring", "--no-shorten"], "--no-shorten has no effect with --planner many_arms"),
-        (["plan", "rr1_ring", "--iterations", "9"], "--iterations has no effect with --planner many_arms"),
+        (["plan", "rr1_ring", "--iterations", "9"], "--iterations has no effect with --planner many_arms, except with"),
         (["view", "rr1_table", "--html", "a.html", "--port", "7000"], "--port has no effect with --html"),
         (["view", "rr1_table", "--html", "a.html", "--no-browser"], "--no-browser has no effect with --html"),
         (["plan", "rr1_table", "--seed", "1", "--seed", "2"], "--seed: given twice"),

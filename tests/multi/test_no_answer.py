@@ -32,7 +32,7 @@ from rr1plan.transforms import pose
 from rr1plan.validation.compiled_search import TOUCH
 
 Check = Callable[..., None]
-# Planning many arms counts no iterations, but a budget has to have either.
+# Iterations limit only the effort of searches that do not succeed.
 _UNTIMED = Budget(seconds=math.inf, iterations=1)
 
 
@@ -277,6 +277,24 @@ def test_what_is_not_found_in_time_is_said_with_who_is_blocked(planar2r: rp.Robo
     assert "right" in result.reason
     assert result.trajectory is None
     assert not math.isnan(result.seconds)
+
+
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_iterations_end_a_search_without_a_limit_of_time(method: str) -> None:
+    result = plan_many_arms(_rail([0.0, 1.0], [1.0, 0.0]), rng=0, method=method, budget=_UNTIMED)
+    assert result.status is PlanStatus.TIMEOUT
+    assert "arm0, arm1" in result.reason
+
+
+def test_iterations_end_the_search_for_the_path_of_an_arm(planar2r: rp.Robot) -> None:
+    scene = _facing(planar2r)
+    for k, side in enumerate((-1.0, 1.0)):
+        scene = scene.with_obstacle(f"post{k}", rp.Cylinder(0.02, 0.2), (0.6, 0.1 * side, 0.0))
+    start = {"left": [1.5, 0.0], "right": [np.pi - 1.0, 0.0]}
+    problem = rp.Problem(scene, start, {"left": [-1.5, 0.0], "right": [np.pi, 0.0]})
+    result = plan_many_arms(problem, rng=0, budget=_UNTIMED)
+    assert result.status is PlanStatus.TIMEOUT
+    assert "no path found: budget used up" in result.reason
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -177,18 +177,19 @@ class PathPool:
 
         Effort is counted in iterations, so that the path does not depend on the speed of the machine.
         """
-        seconds = self._watch.time_left
-        budget, rest = split_budget(Budget(seconds, None if math.isfinite(seconds) else _NO_LIMIT))
+        seconds, most = self._watch.time_left, self._watch.iterations
+        budget, rest = split_budget(Budget(seconds, _NO_LIMIT if most is None and math.isinf(seconds) else most))
         search = self._watch.with_deadline(budget.seconds)
-        iterations, searches = _ITERATIONS * len(self.agent.arms), 0
+        iterations, searches, used = _ITERATIONS * len(self.agent.arms), 0, 0
         while True:
             for margin in dict.fromkeys((self.margin, min(self.margin, MARGINS[-1]))):
                 result, searches = self._search(leg.with_margin(margin), search, iterations), searches + 1
+                used += result.iterations
                 if result.found:
                     return result if margin == self.margin else self._with_most_margin(leg, result, search, iterations)
                 if result.status is not PlanStatus.TIMEOUT:
                     return result
-                if not search.goes_on():
+                if not search.goes_on() or (most is not None and used >= most):
                     if searches > 1:
                         result = replace(result, reason=f"{result.reason}; this was the last of {searches} searches")
                     return result if rest is None else with_hint(leg, result, rest, self._report)

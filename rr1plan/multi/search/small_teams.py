@@ -9,9 +9,9 @@ exceed the requested one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations, count
+from itertools import combinations
 
 import numpy as np
 
@@ -114,7 +114,7 @@ def plan_small_team(
     conflicts = RelativeConflicts(margin, watch)
     known: tuple[Schedule, ...] = ()
     cost, bound, reason = math.inf, 0.0, "no time was left"
-    for effort in (_GROWTH**k for k in count()):
+    for effort in _efforts(watch.rounds):
         samples = min(effort * _SAMPLES, _MOST_SAMPLES)
         roadmaps = _roadmaps(first, goals, margins, samples, watch)
         if roadmaps is None:
@@ -141,6 +141,15 @@ def plan_small_team(
     if known:
         return TeamPlan(known, alone, max(1.0, cost / bound) if bound > 0.0 else None)
     return TeamPlan(reason=f"{', '.join(arms)}: {reason}")
+
+
+def _efforts(rounds: float) -> Iterator[int]:
+    """Growing efforts, until the rounds of a group at one of them reach a limit."""
+    effort = 1
+    yield effort
+    while effort * _ROUNDS < rounds:
+        effort *= _GROWTH
+        yield effort
 
 
 def _remove_needless_waits(plan: AgentSchedules) -> None:
