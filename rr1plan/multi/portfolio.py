@@ -206,9 +206,9 @@ def plan_many_arms(
     of_kind("improvement", improvement, Budget, optional=True)
     known_name("method", method, _METHODS)
     timing = HopTiming(retiming, torque_limits)
-    seconds = (budget or Budget()).seconds
-    iterations = budget.iterations if budget is not None and math.isinf(seconds) else None
-    watch = Stopwatch(seconds - min(_RESERVE, _MOST_RESERVE * seconds), progress, iterations)
+    budget = budget or Budget()
+    seconds = budget.seconds
+    watch = Stopwatch(seconds - min(_RESERVE, _MOST_RESERVE * seconds), progress, budget.iterations)
     generator = as_generator(rng)
     largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
     if largest < 0.0:

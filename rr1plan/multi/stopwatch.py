@@ -24,17 +24,17 @@ class Stopwatch:
     Args:
         budget: Seconds until the search has to stop (inf: no limit).
         progress: Called about ten times a second, in the thread that created the clock; False cancels. May be None.
-        iterations: Iterations of planners after which searches of growing effort end (None: no limit).
+        iterations: Iterations of planners after which searches of growing effort end; ignored if `budget` is finite.
 
     Attributes:
-        iterations: Like the argument.
+        iterations: The limit of iterations, or None.
         stop: A flag for long-running kernels, shape (1,): nonzero once the search is cancelled or, in a `with` block of
             the clock, its deadline has passed.
     """
 
     def __init__(self, budget: float, progress: ProgressCallback | None = None, iterations: int | None = None) -> None:
         self._began = time.perf_counter()
-        self.iterations = iterations
+        self.iterations = iterations if math.isinf(budget) else None
         self._budget, self._progress = budget, progress
         self._reported = -_REPORTS
         self._thread = threading.get_ident()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import pickle
 from dataclasses import replace
 from itertools import combinations, product
@@ -520,6 +521,18 @@ def test_a_goal_where_another_arm_ends_names_it(planar2r: rp.Robot) -> None:
     assert added.blocked_by == ("right",)
     assert "not clear of the final configurations of others" in added.reason
     assert "right" in added.reason
+
+
+def test_iterations_end_a_search_without_a_limit_of_time(planar2r: rp.Robot) -> None:
+    """Posts on either side of a link at its goal, which cannot turn there from anywhere."""
+    scene = _facing(planar2r)
+    for k, side in enumerate((-1.0, 1.0)):
+        scene = scene.with_obstacle(f"post{k}", rp.Cylinder(0.02, 0.2), (-0.6, 0.1 * side, 0.0))
+    plan = _at_rest(scene, {"left": [1.5, 0.0], "right": [0.0, 0.0]})
+    budget = rp.Budget(seconds=math.inf, iterations=1)
+    added = rp.add_motion(plan, "left", [0.0, 0.0], at=0.5, budget=budget, rng=0)
+    assert not added
+    assert added.reason
 
 
 def test_a_tool_reaches_another_one_if_any_of_its_orientations_leaves_room(rr1: rp.Robot) -> None:

@@ -114,7 +114,7 @@ def add_motion(
         at: The time of the plan at which the goal is given [s].
         freeze: Time after `at` during which nothing changes [s].
         budget: Time budget (default: `freeze`, but at least 0.1 s); a part of it is reserved for the referee. Only its
-            seconds are used.
+            seconds are used, unless they are infinite.
         rng: Seed; unless time runs out, the same seed gives the same motion.
 
     Returns:
@@ -127,7 +127,8 @@ def add_motion(
     """
     of_kind("budget", budget, Budget, optional=True)
     at, freeze = finite_number("at", at), finite_number("freeze", freeze)
-    watch = Stopwatch(max(freeze, _SHORTEST) if budget is None else budget.seconds)
+    budget = budget or Budget(max(freeze, _SHORTEST))
+    watch = Stopwatch(budget.seconds, iterations=budget.iterations)
     if not isinstance(plan, RunningPlan):
         of_kind("plan", plan, ManyArmsResult)
         plan = RunningPlan.of(plan)
@@ -292,7 +293,7 @@ class _Change:
             result = plan_many_arms(
                 problem,
                 margin=plan.margin,
-                budget=Budget(self._watch.time_left),
+                budget=Budget(self._watch.time_left, self._watch.iterations),
                 retiming=plan.retiming,
                 torque_limits=plan.torque_limits,
                 rng=self._rng,
