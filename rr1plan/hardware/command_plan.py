@@ -20,6 +20,7 @@ from rr1plan.motion_plan import MotionPlan
 from rr1plan.path import Path
 from rr1plan.report import Report
 from rr1plan.scene import Scene
+from rr1plan.scene.joint_units import joint_units
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import certify_path, validate
 
@@ -161,7 +162,7 @@ def plan_commands(
         raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
     arm, scene, moved = _only_moving_arm(motion if isinstance(motion, Trajectory) else motion.trajectory, scene)
     scale = StepScale(scene.arms[arm].robot, calibration, box)
-    _check_step_sizes(scale, scene.joint_names([arm]), tolerance)
+    _check_step_sizes(scale, scene, arm, tolerance)
     q = moved(_sample_times(moved))
     for halvings in range(_MOST_HALVINGS + 1):
         corners = scale.counters(q[_segment_corners(q, tolerance * 0.5**halvings)])
@@ -176,14 +177,16 @@ def plan_commands(
     return plan
 
 
-def _check_step_sizes(scale: StepScale, names: Sequence[str], tolerance: float) -> None:
+def _check_step_sizes(scale: StepScale, scene: Scene, arm: str, tolerance: float) -> None:
     """Reject steps too large for the motion, which would be rounded away."""
+    names = scene.joint_names([arm])
     sizes = np.abs(scale.positions(np.ones((1, len(names)))) - scale.positions(np.zeros((1, len(names)))))[0]
     largest = int(np.argmax(sizes))
     if sizes[largest] > tolerance:
+        (unit,) = joint_units([names[largest]], scene)
         raise InputError(
-            f"a step of {names[largest]!r} is {sizes[largest]:.3g} rad or m, more than the tolerance {tolerance:g}: "
-            "check the scale of its calibration, in steps per rad or m, or raise the tolerance"
+            f"a step of {names[largest]!r} is {sizes[largest]:.3g} {unit}, more than the tolerance {tolerance:g}: "
+            f"check the scale of its calibration, in steps per {unit}, or raise the tolerance"
         )
 
 

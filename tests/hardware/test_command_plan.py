@@ -110,7 +110,7 @@ def test_steps_that_are_larger_than_the_tolerance_are_refused(
 ) -> None:
     """With a scale in steps per degree the joint would stay where it is, as all its motion is less than a step."""
     joints = {**calibration.joints, "elbow_joint": replace(calibration.joints["elbow_joint"], scale=1.0)}
-    with pytest.raises(rp.InputError, match=r"a step of 'rr1/elbow_joint' is 1 rad or m, more than the tolerance 0.01"):
+    with pytest.raises(rp.InputError, match=r"a step of 'rr1/elbow_joint' is 1 rad, more than the tolerance 0.01"):
         rp.plan_commands(motion, replace(calibration, joints=joints), box)
 
 
