@@ -29,7 +29,7 @@ def with_triangulated_faces(data: bytes, file: Path) -> bytes:
         file: Its file, for messages.
 
     Raises:
-        FormatError: concave faces with so many corners that they take minutes.
+        FormatError: too many corners in concave faces.
     """
     faces: dict[int, list[_Face]] = {}
     for line in _POLYGON.finditer(data):
