@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
 import rr1plan as rp
 from rr1plan import CSpace
@@ -20,7 +21,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.playback.cspace.cspace_cells import label_components, widest_spot
 from rr1plan.playback.cspace.cspace_colors import HATCHES, pattern_cells
-from rr1plan.playback.cspace.cspace_grid import LIMITS, compute_grid, name_spots
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, name_spots
 from rr1plan.playback.cspace.cspace_raster import SELF
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.outlines import silhouette
@@ -246,8 +247,23 @@ def test_overlaps_show_both_colors(lesson: rp.Scene) -> None:
     grid = compute_grid(scene, resolution=60)
     both = grid.layers[name] & grid.layers["twin"]
     assert both.any()
-    shown = {tuple(c) for c in layer_image(grid).transpose(1, 0, 2)[both]}
+    shown = {tuple(c) for c in _pixels_of_cells(grid)[both].reshape(-1, 3)}
     assert len(shown) >= 2
+
+
+def test_patterns_are_finer_than_the_cells_of_a_coarse_grid(lesson: rp.Scene) -> None:
+    grid = compute_grid(lesson, resolution=24)
+    pixels = _pixels_of_cells(grid)
+    assert (pixels[grid.free] == 1.0).all()
+    inked = [len({tuple(c) for c in cell.reshape(-1, 3)}) > 1 for cell in pixels[~grid.free]]
+    assert np.mean(inked) > 0.5
+
+
+def _pixels_of_cells(grid: CSpaceGrid) -> NDArray[np.float64]:
+    """The pixels of each cell, shape (n, m, k, k, 3)."""
+    n, m = grid.free.shape
+    image = layer_image(grid).transpose(1, 0, 2)
+    return image.reshape(n, len(image) // n, m, -1, 3).swapaxes(1, 2)
 
 
 def test_a_line_over_the_seam_is_drawn_in_pieces_inside_the_picture(lesson: rp.Scene) -> None:

@@ -37,21 +37,23 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 
 _STRIPE = 5
+_FEWEST_PIXELS = 360  # fewest of a picture along each joint, for round dots in patterns
 _BORDER = 0.03  # beyond the joint limits, of their range
 # Fewer labels do not show a scale, and more would overlap.
 _FEWEST_TICKS, _MOST_TICKS = 3, 9
 
 
 def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Array:
-    """The layers as an image (rows: second joint upwards, columns: first joint), shape (m, n, 3).
+    """The layers as an image (rows: second joint upwards, columns: first joint), shape (k m, k n, 3).
 
-    Layers and components have patterns in addition to colors; overlaps are striped.
+    Layers and components have patterns in addition to colors; overlaps are striped. Of a coarse grid, each cell has k
+    by k pixels.
 
     Args:
         grid: The grid.
         tints: Colors of components of free space, by number; others are white.
     """
-    n, m = grid.free.shape
+    n, m = _pixels(grid.free).shape
     image = np.ones((n, m, 3))
 
     def fill(cells: Mask, color: str, pattern: int, ink: float = 1.0) -> None:
@@ -59,17 +61,24 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
         image[cells & pattern_cells(pattern, (n, m))] = ink_on(color, ink)
 
     for k, (component, color) in enumerate((tints or {}).items()):
-        fill(grid.labels == component, color, k, FAINT)
+        fill(_pixels(grid.labels == component), color, k, FAINT)
     count = np.zeros((n, m), dtype=int)
     stripe = (np.add.outer(np.arange(n), np.arange(m)) // _STRIPE).astype(int)
-    total = sum((mask.astype(int) for mask in grid.layers.values()), np.zeros((n, m), dtype=int))
+    layers = {name: _pixels(mask) for name, mask in grid.layers.items()}
+    total = sum((mask.astype(int) for mask in layers.values()), np.zeros((n, m), dtype=int))
     patterns = layer_patterns(grid)
-    for (name, mask), color in zip(grid.layers.items(), layer_colors(grid).values(), strict=True):
+    for (name, mask), color in zip(layers.items(), layer_colors(grid).values(), strict=True):
         fill(mask & (total == 1), color, patterns[name])
         # Overlaps have distinct stripes.
         image[mask & (total > 1) & ((stripe % np.maximum(total, 1)) == count)] = to_rgb(color)
         count += mask
     return np.asarray(image.transpose(1, 0, 2))
+
+
+def _pixels(cells: Mask) -> Mask:
+    """The pixels of cells, each of k by k pixels."""
+    k = -(-_FEWEST_PIXELS // min(cells.shape))
+    return cells.repeat(k, axis=0).repeat(k, axis=1)
 
 
 def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> dict[str, ObstacleName]:
@@ -84,7 +93,7 @@ def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> dict[str, 
     extent = (*_edges(grid.axes[0]), *_edges(grid.axes[1]))
     image = layer_image(grid, end_tints(cspace))
     if LIMITS in grid.layers:
-        image[grid.layers[LIMITS].T] = to_rgb(LIMIT_COLOR)  # without the images of obstacles beyond the limits
+        image[_pixels(grid.layers[LIMITS]).T] = to_rgb(LIMIT_COLOR)  # without the images of obstacles beyond the limits
     axes.imshow(
         image,
         origin="lower",
