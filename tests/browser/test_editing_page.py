@@ -290,7 +290,7 @@ def test_dragging_the_tool_moves_it_in_the_plane_of_the_view(calm: Any, problem:
     assert abs(moved @ forward) < 1e-4
     np.testing.assert_allclose(T[:3, :3], T0[:3, :3], atol=2e-3)
     shown = calm.page.locator("#readout span").all_inner_texts()
-    assert [float(v) for v in shown[:3]] == pytest.approx(T[:3, 3], abs=6e-4)
+    assert [float(v.replace("−", "-")) for v in shown[:3]] == pytest.approx(T[:3, 3], abs=6e-4)
     assert float(shown[6]) == pytest.approx(kinematics.manipulability(q_of(calm), frame), rel=1e-2)
 
 
