@@ -37,7 +37,6 @@ class AgentBodies:
         group_rows: Joint, first body and end (exclusive) of each group, shape (g, 3).
         group_balls: Enclosing ball of each group, in the frame of its joint: center and radius [m], shape (g, 4).
         is_fixed: Whether no joint moves a body, shape (b,).
-        reach: Largest displacement of any point of the arms per change of each joint [m/rad, or m/m], shape (nq,).
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -59,11 +58,16 @@ class AgentBodies:
                 for a, b in zip(begins, ends, strict=True)
             ]
         ).reshape(-1, 4)
-        self.reach = np.zeros(checker.nq)
-        travel = checker.limits.travel
-        for body in range(len(tables.bodies)):
-            for column, lever in tables.levers(body, travel):
-                self.reach[column] = max(self.reach[column], lever)
+        self._travel = checker.limits.travel
+
+    @cached_property
+    def reach(self) -> Array:
+        """Largest displacement of any point of the arms per change of each joint [m/rad, or m/m], shape (nq,)."""
+        reach = np.zeros(self.columns)
+        for body in range(len(self.tables.bodies)):
+            for column, lever in self.tables.levers(body, self._travel):
+                reach[column] = max(reach[column], lever)
+        return reach
 
     def scratch(self) -> CStruct:
         """Memory for the placed bodies, for one thread."""
