@@ -249,6 +249,29 @@ def test_a_page_in_a_notebook_that_was_busy_tries_again(tab: Any, flat: rp.Scene
         wait_until(tab.page.frames[1], CONNECTED)
 
 
+DROPPED = """
+const Usual = WebSocket; let first = true;
+WebSocket = class extends Usual {
+  constructor(...wanted) {
+    super(...wanted);
+    if (first) this.close();
+    first = false;
+  }
+};
+"""
+
+
+def test_a_page_in_a_notebook_whose_first_connection_is_dropped_tries_again(
+    tab: Any, flat: rp.Scene, tmp_path: Path
+) -> None:
+    with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        notebook = tmp_path / "notebook.html"
+        notebook.write_text(f"<!DOCTYPE html>{viewer._repr_html_()}")
+        tab.page.add_init_script(DROPPED)
+        tab.page.goto(notebook.as_uri())
+        wait_until(tab.page.frames[1], CONNECTED)
+
+
 class ForeignSocket(WebSocketHandler):
     """Accepts every page, and sends a message that pages of this package would obey."""
 

@@ -26,11 +26,7 @@ class Live {
     const { token, address } = this.access, query = new URLSearchParams({ version: this.version, token });
     const own = `${location.protocol.replace("http", "ws")}//${location.host}${location.pathname}updates`;
     const socket = (this.socket = new WebSocket(`${address || own}?${query}`, PROTOCOL));
-    let isLate = false;
-    const expiry = setTimeout(() => {
-      isLate = true;
-      socket.close();
-    }, ANSWER_TIME);
+    const expiry = setTimeout(() => socket.close(), ANSWER_TIME);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       clearTimeout(expiry);
@@ -46,7 +42,7 @@ class Live {
     socket.onclose = () => {
       clearTimeout(expiry);
       clearTimeout(this.silence);
-      this.lost(isLate);
+      this.lost();
     };
   }
 
@@ -59,12 +55,12 @@ class Live {
   }
 
   /** Reconnects; a page elsewhere that never reached the program remains static, e.g. in exported notebooks. */
-  lost(isLate) {
+  lost() {
     if (this.ended) return;
     this.tries += 1;
     if (this.access.address && !this.reached) {
-      // A program that is gone is noticed at once; a late answer may be due to a busy browser.
-      if (isLate && this.tries < FIRST_TRIES) setTimeout(() => this.connect(), AGAIN);
+      // Several attempts, because browsers also drop connections when they are busy or the network changes.
+      if (this.tries < FIRST_TRIES) setTimeout(() => this.connect(), AGAIN);
       return;
     }
     if (this.access.address && this.tries > TRIES) {
