@@ -240,15 +240,6 @@ WebSocket = class extends Usual {
 """
 
 
-def test_a_page_in_a_notebook_that_was_busy_tries_again(tab: Any, flat: rp.Scene, tmp_path: Path) -> None:
-    with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
-        notebook = tmp_path / "notebook.html"
-        notebook.write_text(f"<!DOCTYPE html>{viewer._repr_html_()}")
-        tab.page.add_init_script(BUSY)
-        tab.page.goto(notebook.as_uri())
-        wait_until(tab.page.frames[1], CONNECTED)
-
-
 DROPPED = """
 const Usual = WebSocket; let first = true;
 WebSocket = class extends Usual {
@@ -261,13 +252,14 @@ WebSocket = class extends Usual {
 """
 
 
-def test_a_page_in_a_notebook_whose_first_connection_is_dropped_tries_again(
-    tab: Any, flat: rp.Scene, tmp_path: Path
+@pytest.mark.parametrize("script", [BUSY, DROPPED], ids=["busy", "dropped"])
+def test_a_page_in_a_notebook_without_an_answer_tries_again(
+    tab: Any, flat: rp.Scene, tmp_path: Path, script: str
 ) -> None:
     with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
         notebook = tmp_path / "notebook.html"
         notebook.write_text(f"<!DOCTYPE html>{viewer._repr_html_()}")
-        tab.page.add_init_script(DROPPED)
+        tab.page.add_init_script(script)
         tab.page.goto(notebook.as_uri())
         wait_until(tab.page.frames[1], CONNECTED)
 
