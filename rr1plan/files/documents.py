@@ -79,7 +79,7 @@ def read_yaml_documents(file: str | Path, max_bytes: int = MAX_BYTES) -> list[ob
 
 @contextmanager
 def collection_paused() -> Iterator[None]:
-    """Pause Python's search for garbage, which takes more time than PyYAML while millions of nodes are made."""
+    """Pause garbage collection, which takes more time than PyYAML itself while millions of nodes are made."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 GAINS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-REACHES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # [rad or m], those above the side of a cell
+REACHES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # [rad or m]; offered if above the side of a cell
 GAIN, REACH = 0.03, 0.4
 _INK, _PATH = "#22262b", "#d55e00"
 # A query in the scene of the lesson about planning: a descent that gets stuck, and a goal away from all obstacles.

@@ -178,8 +178,8 @@ def plan_many_arms(
             between stationary objects allow (default: the margin of the problem, or 2 mm if it has none). Arms planned
             as one keep at most the smallest of their margins.
         budget: When to stop (default: 10 s). Only its seconds count, unless they are infinite: then its iterations
-            limit the searches for the first path of each arm, and the rounds of each group, which are more by one for
-            each doubling of the iterations.
+            limit the searches for the first path of each arm, and the rounds of each group: one, and another for each
+            doubling beyond 2,000 iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
             not at all). Makespan first, then the sum of all arrival times.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their

@@ -72,7 +72,7 @@ def _concave(vertices: Array, faces: list[_Face]) -> Iterator[tuple[re.Match[byt
 def _clip_ears(points: Array) -> list[list[int]]:
     """Ear clipping (Meisters 1975) of a counter-clockwise polygon (n, 2); holes may be connected by double edges.
 
-    All corners are used, so that a surface stays closed. A polygon that crosses itself is divided somehow.
+    All corners are used, so that a surface stays closed. The triangles of a polygon that crosses itself are arbitrary.
     """
     left, found = list(range(len(points))), []
     k, tests = 1, _MOST_TESTS * len(points)

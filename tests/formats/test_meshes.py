@@ -262,7 +262,7 @@ def test_concave_faces_of_an_obj_do_not_cover_their_notches(
         assert surface == pytest.approx(2.0 * area + 2.0 * edges.sum())
 
 
-def test_faces_of_an_obj_that_cross_themselves_are_divided_somehow(tmp_path: Path) -> None:
+def test_faces_of_an_obj_that_cross_themselves_are_triangulated(tmp_path: Path) -> None:
     head = "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nv 3 1 0\n"
     for face in ("1 2 3 4", "1 2 3 4 5", "1 3 2 2 4", "5 3 1 2 4"):
         (tmp_path / "a.obj").write_text(head + f"f {face}\n")

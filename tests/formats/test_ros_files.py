@@ -256,8 +256,8 @@ def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Pat
         load_joint_trajectory(written(tmp_path, message()), topic="/a")
 
 
-def test_long_messages_are_written_and_read_without_searches_for_garbage(tmp_path: Path) -> None:
-    """They take most of the time of files with millions of numbers."""
+def test_long_messages_are_written_and_read_without_garbage_collection(tmp_path: Path) -> None:
+    """It would take most of the time of files with millions of numbers."""
     motion = rp.Trajectory(("arm/x",), [0.0, 30.0], [[[0.0], [0.0], [3.0 / 900.0], [-2.0 / 27000.0]]])
     began: list[int] = []
     gc.collect()

@@ -144,7 +144,7 @@ def plan_small_team(
 
 
 def _efforts(rounds: float) -> Iterator[int]:
-    """Growing efforts, until the rounds of a group at one of them reach a limit."""
+    """Efforts that grow until their rounds reach a limit."""
     effort = 1
     yield effort
     while effort * _ROUNDS < rounds:
