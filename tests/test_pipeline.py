@@ -107,10 +107,10 @@ def test_all_that_many_arms_and_the_referee_read_is_set_up_in_advance(
     made: list[str] = []
     bodies, referee = agents.AgentBodies.__init__, referee_scenes.RefereeScene.__init__
 
-    def init_bodies(own: agents.AgentBodies, scene: rp.Scene) -> None:
-        if len(scene.arms) == 1:
-            made.extend(scene.arms)
-        bodies(own, scene)
+    def init_bodies(own: agents.AgentBodies, scene: rp.Scene, arms: tuple[str, ...]) -> None:
+        if len(arms) == 1:
+            made.extend(arms)
+        bodies(own, scene, arms)
 
     def init_referee(own: referee_scenes.RefereeScene, scene: rp.Scene) -> None:
         made.append("referee")

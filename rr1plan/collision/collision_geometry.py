@@ -12,7 +12,7 @@ in the poses of objects.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -274,7 +274,7 @@ def collision_geometry(scene: Scene, arms: tuple[str, ...], distance: float) -> 
     return kept_in(scene.kept_for_any_padding, key, lambda: CollisionGeometry(scene, arms, distance))
 
 
-def geometries_of(scene: Scene) -> Mapping[str, ArmGeometry]:
-    """The geometry of every arm of a scene."""
+def geometries_of(scene: Scene, arms: Iterable[str] | None = None) -> Mapping[str, ArmGeometry]:
+    """The geometry of some arms of a scene (default: all)."""
     held = held_by_arm(scene)
-    return {name: arm_geometry(arm, held.get(name, {})) for name, arm in scene.arms.items()}
+    return {name: arm_geometry(scene.arms[name], held.get(name, {})) for name in (scene.arms if arms is None else arms)}

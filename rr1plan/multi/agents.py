@@ -8,10 +8,16 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
-from rr1plan.collision import CollisionChecker
+from rr1plan.checks import Array, read_only
+from rr1plan.collision.arm_geometry import arm_instances
+from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
-from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
+from rr1plan.collision.tables.exact_tables import (
+    ExactTables,
+    arm_exact_struct,
+    arm_exact_tables,
+    exact_scratch,
+)
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
@@ -29,43 +35,42 @@ class AgentBodies:
     """The bodies of some arms, grouped by the joint that carries them; obstacles are not included.
 
     Args:
-        scene: A scene with these arms only.
+        scene: The scene.
+        arms: The arms, in its order.
 
     Attributes:
         elements: Name of the element to which each body belongs.
-        exact: The bodies as a kernel struct.
+        columns: Number of joints of the arms.
+        tables: The bodies as the exact kernel's tables.
+        exact: The same as a kernel struct.
         group_rows: Joint, first body and end (exclusive) of each group, shape (g, 3).
         group_balls: Enclosing ball of each group, in the frame of its joint: center and radius [m], shape (g, 4).
         is_fixed: Whether no joint moves a body, shape (b,).
     """
 
-    def __init__(self, scene: Scene) -> None:
-        checker = CollisionChecker(scene)
-        self.tables = tables = checker.tables
-        self.elements = tuple(solid.element for solid in checker.solids)
-        self.columns = checker.nq
-        self.exact = exact_struct(tables, checker.nq)
-        joint = tables.bodies[:, 1]
-        begins = np.flatnonzero(np.diff(joint, prepend=-1))
-        ends = np.append(begins, len(joint))[1:]
-        self.group_rows: NDArray[np.int64] = np.column_stack([joint[begins], begins, ends]).astype(np.int64)
-        balls = tables.body_values[:, 12:16]
-        self.is_fixed = tables.bodies[:, 4] == tables.bodies[:, 5]
-        # Fixed bodies have world coordinates, so no two arms share their ball.
+    def __init__(self, scene: Scene, arms: tuple[str, ...]) -> None:
+        geometries = geometries_of(scene, arms)
+        instances = arm_instances(tuple(geometries.values()), tuple([scene.arms[name].base.tobytes() for name in arms]))
+        self.elements = tuple(element for name, geometry in geometries.items() for element in geometry.elements(name))
+        self.columns = sum(scene.arms[name].robot.nq for name in arms)
+        self.tables, self.exact = arm_exact_tables(instances), arm_exact_struct(instances)
+        self.group_rows, self.is_fixed = kept_in(instances.unplaced, "groups of bodies", lambda: _groups(self.tables))
+        balls = self.tables.body_values[:, 12:16]
+        # Bodies that no joint moves have world coordinates, so no two arms share their ball.
         self.group_balls = np.array(
             [
                 _loose_ball(balls[a:b]) if self.is_fixed[a] else _ball_around(balls[a:b].tobytes())
-                for a, b in zip(begins, ends, strict=True)
+                for _, a, b in self.group_rows.tolist()
             ]
         ).reshape(-1, 4)
-        self._travel = checker.limits.travel
+        self._travel = [scene.arms[name].robot.limits.travel for name in arms]
 
     @cached_property
     def reach(self) -> Array:
         """Largest displacement of any point of the arms per change of each joint [m/rad, or m/m], shape (nq,)."""
-        reach = np.zeros(self.columns)
+        reach, travel = np.zeros(self.columns), np.concatenate(self._travel)
         for body in range(len(self.tables.bodies)):
-            for column, lever in self.tables.levers(body, self._travel):
+            for column, lever in self.tables.levers(body, travel):
                 reach[column] = max(reach[column], lever)
         return reach
 
@@ -74,12 +79,18 @@ class AgentBodies:
         return exact_scratch(self.tables, self.columns)
 
 
+def _groups(tables: ExactTables) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """The `group_rows` and `is_fixed` of `AgentBodies`."""
+    joint = tables.bodies[:, 1]
+    begins = np.flatnonzero(np.diff(joint, prepend=-1))
+    ends = np.append(begins, len(joint))[1:]
+    rows = np.column_stack([joint[begins], begins, ends]).astype(np.int64)
+    return read_only(rows), read_only(tables.bodies[:, 4] == tables.bodies[:, 5])
+
+
 def _bodies(scene: Scene, arms: tuple[str, ...]) -> AgentBodies:
     """The bodies of some arms of a scene, created once."""
-    key = ("bodies of agents", arms)
-    return kept_in(
-        scene.kept_for_any_padding, key, lambda: AgentBodies(subscene(scene, dict.fromkeys(arms), obstacles=False))
-    )
+    return kept_in(scene.kept_for_any_padding, ("bodies of agents", arms), lambda: AgentBodies(scene, arms))
 
 
 @lru_cache(maxsize=1024)

@@ -271,7 +271,8 @@ def _goal_choices(
     if touching is None:
         return chosen, None, "", choices
     # The repair of conflicts is incomplete, and configurations that were not reached are only hard to reach.
-    combined, complete = choices.conflicts.combination(watch)
+    only_one = all(len(several) == 1 for several in found.values())
+    combined, complete = (None, True) if only_one else choices.conflicts.combination(watch)
     if combined is None and complete and rounds:
         sampled = {arm: agents[arm] for arm in seeds if joint_goals(agents[arm].query({}, 0.0)) is None}
         for further in _further_goals(sampled, seeds, rounds, watch):

@@ -167,27 +167,45 @@ def build_fixed_tables(objects: ObstacleGeometry, pairs: _INTS, padding: Array) 
     return _tables(arm_instances((), ()), FixedSolids(objects), rows, padding)
 
 
-def _tables(instances: ArmInstances, fixed: FixedSolids, pairs: _INTS, padding: Array) -> ExactTables:
+def arm_exact_tables(instances: ArmInstances) -> ExactTables:
+    """Tables of moving arms without surroundings and pairs, made once."""
+    return kept_in(instances.kept, "exact tables", lambda: _arm_exact_tables(instances))
+
+
+def _arm_exact_tables(instances: ArmInstances) -> ExactTables:
     arms = instance_tables(instances)
-    bodies, meshes = fixed.add_bodies(arms.bodies, len(arms.chain))
-    links = kept_in(instances.kept, "links", lambda: _links(arms.bodies))
-    if bodies.corners is not arms.bodies.corners:
-        links = _links(bodies)
+    bodies = arms.bodies
     return ExactTables(
         arms.joints,
         arms.joint_values,
         bodies.bodies,
         bodies.values,
         bodies.corners,
-        links,
+        kept_in(instances.unplaced, "links", lambda: _links(bodies)),
         arms.chain,
         arms.chain_reach,
-        pairs,
-        padding,
+        np.zeros((0, 3), np.int64),
+        np.zeros(0),
         arms.joint_poses,
         bodies.poses,
         bodies.centers,
-        meshes,
+        NO_MESHES,
+    )
+
+
+def _tables(instances: ArmInstances, fixed: FixedSolids, pairs: _INTS, padding: Array) -> ExactTables:
+    arms, alone = instance_tables(instances), arm_exact_tables(instances)
+    bodies, meshes = fixed.add_bodies(arms.bodies, len(arms.chain))
+    return alone._replace(
+        bodies=bodies.bodies,
+        body_values=bodies.values,
+        corners=bodies.corners,
+        links=alone.links if bodies.corners is arms.bodies.corners else _links(bodies),
+        pairs=pairs,
+        padding=padding,
+        poses=bodies.poses,
+        centers=bodies.centers,
+        meshes=meshes,
     )
 
 
@@ -203,13 +221,14 @@ def exact_struct(tables: ExactTables, columns: int, like: CStruct | None = None)
     Args:
         tables: The tables.
         columns: Number of columns of q.
-        like: A struct for the same arms; changing a copy of it is faster.
+        like: A struct for the same arms, at any base poses; changing a copy of it is faster.
     """
     fields = {
         "body_count": len(tables.bodies),
         "pair_count": len(tables.pairs),
         "bodies": tables.bodies,
         "shapes": tables.body_values,
+        "placements": tables.joint_values,
         "corners": tables.corners,
         "links": tables.links,
         "pairs": tables.pairs,
@@ -223,7 +242,6 @@ def exact_struct(tables: ExactTables, columns: int, like: CStruct | None = None)
         joint_count=len(tables.joints),
         column_count=columns,
         joints=tables.joints,
-        placements=tables.joint_values,
         chain=tables.chain,
         chain_reach=tables.chain_reach,
         **fields,
@@ -269,8 +287,8 @@ def arm_exact_struct(instances: ArmInstances) -> CStruct:
     """The struct of moving arms without surroundings, as a template for those of their scenes."""
 
     def make() -> CStruct:
-        columns = sum(len(geometry.arm_model.joint_names) for geometry in instances.geometries)
-        nothing = FixedSolids(ObstacleGeometry.joined(()))
-        return exact_struct(_tables(instances, nothing, np.zeros((0, 3), np.int64), np.zeros(0)), columns)
+        tables, columns = arm_exact_tables(instances), sum(len(g.arm_model.joint_names) for g in instances.geometries)
+        elsewhere = kept_in(instances.unplaced, "exact struct", lambda: exact_struct(tables, columns))
+        return exact_struct(tables, columns, elsewhere)
 
     return kept_in(instances.kept, "exact struct", make)
