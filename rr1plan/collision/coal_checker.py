@@ -1,4 +1,4 @@
-"""Exact results for one configuration, from Coal through Pinocchio's broad phase.
+"""Exact results for one configuration, from Coal.
 
 Every shape is solid. Two elements collide if their distance is at most their padding (with a padding of 0: if they
 touch). Joint limits are checked separately: see `CollisionChecker.limit_violations`.

@@ -1,4 +1,4 @@
-"""Pairs of solids in Coal, through Pinocchio's geometry model; results for pairs that do not depend on q."""
+"""Pairs of solids in Coal, placed by Pinocchio; results for pairs that do not depend on q."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import warnings
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import lru_cache
+from typing import NamedTuple, TypeVar
 
 import coal
 import numpy as np
@@ -25,6 +26,9 @@ _GJK_TOLERANCE = 1e-10
 # If a core lies exactly on the other surface, Coal may return -1.8e308; a nanometer away it does not.
 _NO_DISTANCE = -1e300
 _NUDGE = np.array([0.7e-9, -0.5e-9, 0.6e-9])
+# Above the rounding error of distances between balls [m].
+_ROUNDING = 1e-9
+_Request = TypeVar("_Request", coal.CollisionRequest, coal.DistanceRequest)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,66 +76,52 @@ class CoalPairs:
     def __init__(
         self, model: SceneModel | None, solids: tuple[Solid, ...], pairs: NDArray[np.int64], padding: Array
     ) -> None:
-        self._model = model
+        used, numbers = np.unique(pairs, return_inverse=True)
+        solids = tuple(solids[k] for k in used.tolist())
+        self._pairs: list[list[int]] = numbers.reshape(-1, 2).tolist()
+        self._model, self._padding = model, padding
+        self._shapes = [coal_geometry(solid.shape) for solid in solids]
+        self._balls = np.array([_ball_around(shape) for shape in self._shapes]).reshape(-1, 4)
+        self._poses = [_as_transform(pin.SE3(np.array(solid.placement))) for solid in solids]
         self._branches = () if model is None else tuple(ArmBranches(model).all_arms())
-        self._pinocchio = pin.Model() if model is None else model.model
-        self._geometry = _geometry_model(solids, pairs)
-        self._scratch = _geometry_data(self._geometry, padding)
-        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self._pinocchio, self._geometry, self._scratch)
         # Solids of each branch: index, joint in the branch's model, placement in the frame of that joint.
-        self._carried: list[list[tuple[int, int, pin.SE3]]] = [[] for _ in self._branches]
+        self._carried: list[list[tuple[int, int, coal.Transform3s]]] = [[] for _ in self._branches]
         last_joints = [branch.rows.stop for branch in self._branches]
-        for k, (solid, shape) in enumerate(zip(solids, self._geometry.geometryObjects, strict=True)):
-            if solid.joint == 0:
-                self._scratch.oMg[k] = shape.placement
-            else:
+        for k, (solid, placement) in enumerate(zip(solids, self._poses, strict=True)):
+            if solid.joint > 0:
                 number = bisect_left(last_joints, solid.joint)
                 joint = solid.joint - self._branches[number].rows.start
-                self._carried[number].append((k, joint, shape.placement.copy()))
-        self._callback = pin.CollisionCallBackDefault(self._geometry, self._scratch)
-        self._callback.stopAtFirstCollision = True
-        self._solids_of_pairs, self._padding = pairs, padding
-        self._hollow = {hollow.pair: hollow for hollow in _hollow_pairs(solids, pairs)}
-        for pair in self._hollow:
-            # Coal's collision test of a surface misses shallow contacts; its distance does not.
-            self._scratch.deactivateCollisionPair(pair)
+                self._carried[number].append((k, joint, placement))
+        self._hollow = {hollow.pair: hollow for hollow in _hollow_pairs(solids, self._pairs)}
+        self._found, self._nearest = coal.CollisionResult(), coal.DistanceResult()
 
     def place(self, q: Array, pairs: NDArray[np.intp] | None = None) -> None:
         """Place the solids at q (nq,).
 
         Args:
             q: Configuration [rad or m], shape (nq,).
-            pairs: The pairs that are queried next, shape (n,); solids of other arms keep their poses (default: all).
+            pairs: The pairs that are queried next, shape (n,); other solids may keep their poses (default: all).
         """
         if self._model is None:
             return
-        full, placed = self._model.full(q), self._scratch.oMg
-        if len(self._branches) == 1:
-            # One call takes a tenth of the time.
-            data = self._branches[0].data
-            pin.updateGeometryPlacements(self._pinocchio, data, self._geometry, self._scratch, full)
-            return
-        needed = None if pairs is None else set(self._solids_of_pairs[pairs].ravel().tolist())
+        full = self._model.full(q)
+        needed = None if pairs is None else {k for pair in pairs.tolist() for k in self._pairs[pair]}
         for branch, all_carried in zip(self._branches, self._carried, strict=True):
             carried = all_carried if needed is None else [one for one in all_carried if one[0] in needed]
             if not carried:
                 continue
             branch.place(full)
-            poses = branch.data.oMi
+            joints = [_as_transform(pose) for pose in branch.data.oMi]
             for k, joint, placement in carried:
-                placed[k] = poses[joint] * placement
+                self._poses[k] = joints[joint] * placement
 
     def any_touches(self) -> bool:
         """Whether any pair is nearer than its padding."""
-        self._manager.update(False)
-        self._callback.init()
-        return bool(pin.computeCollisions(self._manager, self._callback)) or any(map(self._touches, self._hollow))
+        return any(map(self._touches, self._near()))
 
     def touching(self) -> list[int]:
         """The pairs that are nearer than their padding."""
-        pin.computeCollisions(self._geometry, self._scratch, False)
-        results = enumerate(self._scratch.collisionResults)
-        return [i for i, found in results if (self._touches(i) if i in self._hollow else found.isCollision())]
+        return [pair for pair in self._near() if self._touches(pair)]
 
     def distances(self) -> Array:
         """Distance of every pair [m], negative if they overlap, shape (m,).
@@ -139,34 +129,64 @@ class CoalPairs:
         If a body crosses the surface of a non-convex mesh, it is minus the depth in one of the triangles; if the body
         is entirely inside, it is minus the distance from the surface.
         """
-        pin.computeDistances(self._geometry, self._scratch)
-        found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
+        shapes, poses, nearest, found = self._shapes, self._poses, self._nearest, np.empty(len(self._pairs))
+        for pair, (i, j) in enumerate(self._pairs):
+            nearest.clear()
+            coal.distance(shapes[i], poses[i], shapes[j], poses[j], _DISTANCE, nearest)
+            found[pair] = nearest.min_distance
         for pair in (*np.flatnonzero(found < _NO_DISTANCE).tolist(), *self._hollow):
-            found[pair] = self.distance(pair)[0]
+            found[pair] = self._distance(pair)
         return found
 
     def distance(self, pair: int) -> tuple[float, Array, Array]:
         """Distance of one pair [m], and the nearest point of each solid in world coordinates."""
-        result = pin.computeDistance(self._geometry, self._scratch, pair)
-        if result.min_distance < _NO_DISTANCE:
-            placement = self._scratch.oMg[self._geometry.collisionPairs[pair].first]
-            exactly = placement.translation.copy()
-            placement.translation = exactly + _NUDGE
-            result = pin.computeDistance(self._geometry, self._scratch, pair)
-            placement.translation = exactly
-        distance = float(result.min_distance)
+        distance, nearest = self._distance(pair), self._nearest
+        return distance, np.array(nearest.getNearestPoint1()), np.array(nearest.getNearestPoint2())
+
+    def _distance(self, pair: int) -> float:
+        """Distance of one pair [m]; the nearest points are in `_nearest`."""
+        i, j = self._pairs[pair]
+        distance = self._measure(i, j, self._poses[i])
+        if distance < _NO_DISTANCE:
+            pose = self._poses[i]
+            distance = self._measure(i, j, coal.Transform3s(pose.getRotation(), pose.getTranslation() + _NUDGE))
         if distance > 0.0 and pair in self._hollow and self._is_inside(self._hollow[pair]):
             distance = -distance
-        return distance, np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+        return distance
+
+    def _measure(self, i: int, j: int, pose: coal.Transform3s) -> float:
+        """Distance of two solids, the first one at another pose [m]."""
+        self._nearest.clear()
+        coal.distance(self._shapes[i], pose, self._shapes[j], self._poses[j], _DISTANCE, self._nearest)
+        return float(self._nearest.min_distance)
+
+    def _near(self) -> list[int]:
+        """The pairs of which balls around both solids are nearer than the padding."""
+        if not self._pairs:
+            return []
+        R = np.array([pose.getRotation() for pose in self._poses])
+        t = np.array([pose.getTranslation() for pose in self._poses])
+        centers, radii = np.einsum("nij,nj->ni", R, self._balls[:, :3]) + t, self._balls[:, 3]
+        one, two = np.array(self._pairs).T
+        apart = np.linalg.norm(centers[one] - centers[two], axis=1)
+        near: list[int] = np.flatnonzero(apart - radii[one] - radii[two] <= self._padding + _ROUNDING).tolist()
+        return near
 
     def _touches(self, pair: int) -> bool:
-        """Whether a pair with a non-convex mesh is nearer than its padding."""
-        return self.distance(pair)[0] <= float(self._padding[pair])
+        """Whether a pair is nearer than its padding."""
+        padding, (i, j) = float(self._padding[pair]), self._pairs[pair]
+        if pair in self._hollow:
+            # Coal's collision test of a surface misses shallow contacts; its distance does not.
+            return self._distance(pair) <= padding
+        request = _collision_request(padding)
+        self._found.clear()
+        coal.collide(self._shapes[i], self._poses[i], self._shapes[j], self._poses[j], request, self._found)
+        return bool(self._found.isCollision())
 
     def _is_inside(self, hollow: _Hollow) -> bool:
         """Whether a point of the solid is inside the mesh, and thus the whole solid unless it touches the surface."""
-        placed = self._scratch.oMg[hollow.surface].actInv(self._scratch.oMg[hollow.solid])
-        return any(holds_point(hollow.mesh, placed.act(point)) for point in hollow.points)
+        placed = self._poses[hollow.surface].inverseTimes(self._poses[hollow.solid])
+        return any(holds_point(hollow.mesh, placed.transform(point)) for point in hollow.points)
 
 
 class _Hollow(NamedTuple):
@@ -187,12 +207,12 @@ class _Hollow(NamedTuple):
     mesh: Mesh
 
 
-def _hollow_pairs(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Iterator[_Hollow]:
-    for pair, (i, j) in enumerate(pairs.tolist()):
+def _hollow_pairs(solids: tuple[Solid, ...], pairs: list[list[int]]) -> Iterator[_Hollow]:
+    surfaces = {k: solid.shape for k, solid in enumerate(solids) if is_concave(solid.shape)}
+    for pair, (i, j) in enumerate(pairs if surfaces else ()):
         for solid, surface in ((i, j), (j, i)):
-            mesh = solids[surface].shape
-            if is_concave(mesh):
-                yield _Hollow(pair, solid, _points_in(solids[solid].shape), surface, mesh)
+            if surface in surfaces:
+                yield _Hollow(pair, solid, _points_in(solids[solid].shape), surface, surfaces[surface])
 
 
 def _points_in(shape: Shape) -> Array:
@@ -208,38 +228,45 @@ def _points_in(shape: Shape) -> Array:
             return np.zeros((1, 3))
 
 
-def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> pin.GeometryModel:
-    geometry = pin.GeometryModel()
-    for k, solid in enumerate(solids):
-        placement = pin.SE3(np.array(solid.placement))
-        name = f"{k} {solid.element}"
-        geometry.addGeometryObject(pin.GeometryObject(name, solid.joint, placement, coal_geometry(solid.shape)))
-    for i, j in pairs.tolist():
-        geometry.addCollisionPair(pin.CollisionPair(i, j))
-    return geometry
+def _as_transform(pose: pin.SE3) -> coal.Transform3s:
+    return coal.Transform3s(pose.rotation, pose.translation)
 
 
-def _geometry_data(geometry: pin.GeometryModel, padding: Array) -> pin.GeometryData:
-    data = pin.GeometryData(geometry)
-    for request in data.distanceRequests:
-        request.gjk_tolerance = _GJK_TOLERANCE
-        request.enable_signed_distance = True
-    for request, distance in zip(data.collisionRequests, padding.tolist(), strict=True):
-        request.security_margin = distance
-        # With this flag off, Coal 3.0.3 reports balls and capsules as free if their core lies within its tolerance of
-        # the other shape's surface, even centimeters deep.
-        request.enable_contact = True
-    _forget_guesses(data.distanceRequests)
-    _forget_guesses(data.collisionRequests)
-    return data
+def _ball_around(shape: coal.CollisionGeometry) -> Array:
+    """Center and radius of a ball around a shape, in its frame [m], shape (4,)."""
+    shape.computeLocalAABB()
+    radius = float(shape.aabb_radius)
+    return np.append(shape.aabb_center, radius) if np.isfinite(radius) else np.array([0.0, 0.0, 0.0, np.inf])
 
 
-def _forget_guesses(requests: coal.StdVec_DistanceRequest | coal.StdVec_CollisionRequest) -> None:
+@lru_cache(maxsize=1024)
+def _collision_request(padding: float) -> coal.CollisionRequest:
+    """How to test whether solids are nearer than their padding [m]."""
+    request = coal.CollisionRequest()
+    request.security_margin = padding
+    # With this flag off, Coal 3.0.3 reports balls and capsules as free if their core lies within its tolerance of the
+    # other shape's surface, even centimeters deep.
+    request.enable_contact = True
+    return _without_guess(request)
+
+
+def _distance_request() -> coal.DistanceRequest:
+    """How to measure the distance of solids."""
+    request = coal.DistanceRequest()
+    request.gjk_tolerance = _GJK_TOLERANCE
+    request.enable_signed_distance = True
+    return _without_guess(request)
+
+
+def _without_guess(request: _Request) -> _Request:
     """Start every search without a guess: the guess kept from the last one can be NaN, which spoils all later ones."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # its successor does not turn guesses off
-        for request in requests:
-            request.enable_cached_gjk_guess = False
+        request.enable_cached_gjk_guess = False
+    return request
+
+
+_DISTANCE = _distance_request()
 
 
 # ---- pairs with fixed relative poses ------------------------------------------------------------------

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.convex.convex_bodies import coal_geometry
 from rr1plan.model import Kinematics
 from rr1plan.model.arm_branches import ArmBranches
 from rr1plan.model.scene_model import SceneModel
@@ -65,17 +65,28 @@ def test_torques_and_masses_are_those_of_one_model_of_all_arms(scene, arms):
 
 
 @pytest.mark.parametrize("arms", MOVING)
-def test_solids_are_where_one_model_of_all_arms_has_them(scene, arms):
-    checker = rp.CollisionChecker(scene, arms)
-    things = CoalPairs(checker.model, checker.solids, checker.solid_pairs, checker.solid_padding)
-    model = checker.model.model
-    data, geometry = model.createData(), things._geometry
-    expected = pin.GeometryData(geometry)
+def test_distances_are_those_of_one_geometry_model_of_all_arms(scene, arms):
+    checker = rp.CollisionChecker(scene.with_padding(0.2), arms)
+    model, geometry = checker.model.model, pin.GeometryModel()
+    for k, solid in enumerate(checker.solids):
+        placement = pin.SE3(np.array(solid.placement))
+        geometry.addGeometryObject(pin.GeometryObject(str(k), solid.joint, placement, coal_geometry(solid.shape)))
+    for i, j in checker.solid_pairs.tolist():
+        geometry.addCollisionPair(pin.CollisionPair(i, j))
+    data, expected = model.createData(), pin.GeometryData(geometry)
+    for request in expected.distanceRequests:
+        request.gjk_tolerance = 1e-10
+    touching = 0
     for q in np.random.default_rng(2).uniform(-1.0, 1.0, (5, checker.nq)):
-        things.place(q)
         pin.updateGeometryPlacements(model, data, geometry, expected, checker.model.full(q))
-        for own, other in zip(things._scratch.oMg, expected.oMg, strict=True):
-            np.testing.assert_array_equal(own.homogeneous, other.homogeneous)
+        pin.computeDistances(geometry, expected)
+        distances = np.array([result.min_distance for result in expected.distanceResults])
+        np.testing.assert_allclose(checker.solid_distances(q), distances, rtol=0, atol=1e-9)
+        named = {checker.pairs[owner] for owner in checker.solid_owner[distances <= checker.solid_padding]}
+        assert {(c.a, c.b) for c in checker.contacts(q)} == named | set(checker.static_contacts)
+        assert checker.is_free_slowly(q) == (not named and not checker.static_contacts)
+        touching += len(named)
+    assert touching or not len(checker.pairs), "arms without shapes"
 
 
 def test_no_data_are_made_of_several_arms(scene, monkeypatch):
