@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from functools import cached_property, lru_cache
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, read_only
-from rr1plan.collision.arm_geometry import arm_instances
+from rr1plan.checks import Array
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, arm_instances
 from rr1plan.collision.collision_geometry import geometries_of
-from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
+from rr1plan.collision.convex.enclosing_ball import enclosing_ball
+from rr1plan.collision.tables.arm_tables import arm_tables
 from rr1plan.collision.tables.exact_tables import (
-    ExactTables,
     arm_exact_struct,
     arm_exact_tables,
     exact_scratch,
@@ -54,15 +55,9 @@ class AgentBodies:
         self.elements = tuple(element for name, geometry in geometries.items() for element in geometry.elements(name))
         self.columns = sum(scene.arms[name].robot.nq for name in arms)
         self.tables, self.exact = arm_exact_tables(instances), arm_exact_struct(instances)
-        self.group_rows, self.is_fixed = kept_in(instances.unplaced, "groups of bodies", lambda: _groups(self.tables))
-        balls = self.tables.body_values[:, 12:16]
-        # Bodies that no joint moves have world coordinates, so no two arms share their ball.
-        self.group_balls = np.array(
-            [
-                _loose_ball(balls[a:b]) if self.is_fixed[a] else _ball_around(balls[a:b].tobytes())
-                for _, a, b in self.group_rows.tolist()
-            ]
-        ).reshape(-1, 4)
+        groups = [kept_in(one.kept, "groups of bodies", partial(_body_groups, one)) for one in geometries.values()]
+        self.is_fixed = np.concatenate([group.is_fixed for group in groups])
+        self.group_rows, self.group_balls = _placed_groups(groups, instances)
         self._travel = [scene.arms[name].robot.limits.travel for name in arms]
 
     @cached_property
@@ -79,30 +74,43 @@ class AgentBodies:
         return exact_scratch(self.tables, self.columns)
 
 
-def _groups(tables: ExactTables) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """The `group_rows` and `is_fixed` of `AgentBodies`."""
-    joint = tables.bodies[:, 1]
+class _BodyGroups(NamedTuple):
+    """The groups of bodies of one arm, its base at the origin; see `AgentBodies`."""
+
+    rows: NDArray[np.int64]
+    balls: Array
+    is_fixed: NDArray[np.bool_]
+
+
+def _body_groups(geometry: ArmGeometry) -> _BodyGroups:
+    bodies = arm_tables(geometry).bodies
+    joint, balls = bodies.bodies[:, 1], bodies.values[:, 12:16]
     begins = np.flatnonzero(np.diff(joint, prepend=-1))
     ends = np.append(begins, len(joint))[1:]
-    rows = np.column_stack([joint[begins], begins, ends]).astype(np.int64)
-    return read_only(rows), read_only(tables.bodies[:, 4] == tables.bodies[:, 5])
+    around = [enclosing_ball(balls[a:b]) for a, b in zip(begins, ends, strict=True)]
+    return _BodyGroups(
+        np.column_stack([joint[begins], begins, ends]).astype(np.int64),
+        np.array(around).reshape(-1, 4),
+        bodies.bodies[:, 4] == bodies.bodies[:, 5],
+    )
+
+
+def _placed_groups(groups: Sequence[_BodyGroups], instances: ArmInstances) -> tuple[NDArray[np.int64], Array]:
+    """The `group_rows` and `group_balls` of several arms."""
+    rows, balls, first = [np.zeros((0, 3), np.int64)], [np.zeros((0, 4))], 0
+    for group, base, joint in zip(groups, instances.bases, instances.first_joint.tolist(), strict=True):
+        fixed = group.rows[:, 0] == 0
+        rows.append(group.rows + np.array([joint, first, first]))
+        rows[-1][fixed, 0] = 0
+        balls.append(group.balls.copy())
+        balls[-1][fixed, :3] = balls[-1][fixed, :3] @ base[:3, :3].T + base[:3, 3]
+        first += len(group.is_fixed)
+    return np.concatenate(rows), np.concatenate(balls)
 
 
 def _bodies(scene: Scene, arms: tuple[str, ...]) -> AgentBodies:
     """The bodies of some arms of a scene, created once."""
     return kept_in(scene.kept_for_any_padding, ("bodies of agents", arms), lambda: AgentBodies(scene, arms))
-
-
-@lru_cache(maxsize=1024)
-def _ball_around(balls: bytes) -> Array:
-    """Enclosing ball of balls (n, 4), cached for arms with the same geometry."""
-    return enclosing_ball(np.frombuffer(balls).reshape(-1, 4))
-
-
-def _loose_ball(balls: Array) -> Array:
-    """An enclosing ball of balls (n, 4), not minimal but cheap."""
-    center = balls[:, :3].mean(axis=0)
-    return np.append(center, float(ball_reach(balls, center).max()) * (1.0 + 1e-9))
 
 
 class Agent:
