@@ -134,6 +134,17 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     return array
 
 
+def is_plain(given: object, shape: tuple[int, ...]) -> TypeGuard[Array]:
+    """Whether `given` is an array of this shape that compiled kernels can read."""
+    return type(given) is np.ndarray and given.dtype == np.float64 and given.shape == shape and given.flags.c_contiguous
+
+
+def is_near(given: object, shape: tuple[int]) -> TypeGuard[Array]:
+    """Whether `near_array` would take an array of this shape as it is; sooner known, and false for some large ones."""
+    # Without overflow, and false for NaN.
+    return is_plain(given, shape) and math.hypot(*given.tolist()) <= FARTHEST
+
+
 def near_array(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
     """`finite_array` of lengths, coordinates or angles [m or rad] of at most 1e4 (10 km).
 

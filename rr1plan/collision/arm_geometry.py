@@ -191,7 +191,7 @@ class ArmInstances:
         )
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def arm_instances(geometries: tuple[ArmGeometry, ...], bases: tuple[bytes, ...]) -> ArmInstances:
     """Geometries placed in the world; equal ones at equal poses are made once.
 

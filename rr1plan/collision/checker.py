@@ -21,6 +21,7 @@ from rr1plan.checks import (
     Value,
     finite_array,
     finite_number,
+    is_plain,
     known_name,
     near_array,
     number_from_zero,
@@ -28,7 +29,7 @@ from rr1plan.checks import (
     positive_number,
     read_only,
 )
-from rr1plan.collision.coal_checker import CoalChecker, is_plain
+from rr1plan.collision.coal_checker import CoalChecker
 from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeCounters, EdgeKernel, EdgeResult, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES

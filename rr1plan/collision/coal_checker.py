@@ -7,17 +7,16 @@ touch). Joint limits are checked separately: see `CollisionChecker.limit_violati
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import hypot
 from threading import RLock
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import (
-    FARTHEST,
     Array,
     finite_number,
+    is_near,
     items_of,
     near_array,
     number_from_zero,
@@ -184,7 +183,8 @@ class CoalChecker:
         Raises:
             InputError: wrong shape, not finite or beyond ±1e4.
         """
-        return not self.limit_violations(q)
+        q = self.checked(q)
+        return bool(((q >= self.limits.lower) & (q <= self.limits.upper)).all())
 
     # ---- one configuration ---------------------------------------------------------------
 
@@ -362,10 +362,7 @@ class CoalChecker:
         Raises:
             InputError: wrong shape, not finite or beyond ±1e4.
         """
-        # Fast, without overflow, and false for NaN.
-        if is_plain(q, (self.nq,)) and hypot(*q.tolist()) <= FARTHEST:
-            return q
-        return near_array("q", q, (self.nq,))
+        return q if is_near(q, (self.nq,)) else near_array("q", q, (self.nq,))
 
     # ---- inside ---------------------------------------------------------------------------
 
@@ -415,8 +412,3 @@ class CoalChecker:
         placed = CoalPairs(self.model, self.solids, index, padding)
         placed.place(np.zeros(self.nq))
         return measure_static(placed, self.pairs, owner, padding)
-
-
-def is_plain(given: ArrayLike, shape: tuple[int, ...]) -> TypeGuard[Array]:
-    """Whether `given` is an array of this shape that compiled kernels can read."""
-    return type(given) is np.ndarray and given.dtype == np.float64 and given.shape == shape and given.flags.c_contiguous

@@ -19,6 +19,7 @@ from rr1plan.checks import (
     counted,
     finite_array,
     finite_number,
+    is_near,
     known_name,
     of_kind,
     read_only,
@@ -196,6 +197,8 @@ class Robot(Value, NotebookView):
         """
         if isinstance(value, str):
             return self.configurations[known_name("configuration", value, self.configurations)]
+        if is_near(value, (self.nq,)):
+            return read_only(value.copy())
         shape = shape_of(value)
         if shape != (self.nq,):
             got = f"has shape {shape}" if shape else f"is {shown(value)}"

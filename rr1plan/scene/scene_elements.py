@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from copy import copy
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -50,7 +49,9 @@ def moved_arm(arm: Arm, q: str | ArrayLike) -> Arm:
         UnknownNameError: no configuration of that name.
         InputError: numbers that do not fit the arm.
     """
-    other = copy(arm)  # its base is known to be a pose
+    other = object.__new__(Arm)
+    object.__setattr__(other, "robot", arm.robot)
+    object.__setattr__(other, "base", arm.base)  # known to be a pose
     object.__setattr__(other, "q", arm.robot.configuration(q, "arm configuration"))
     return other
 
