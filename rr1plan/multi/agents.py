@@ -28,7 +28,7 @@ from rr1plan.retiming.path_blends import clean
 from rr1plan.retiming.torque_limits import InverseDynamics
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
-from rr1plan.scene.problem import Problem
+from rr1plan.scene.problem import Problem, subproblem
 from rr1plan.scene.subscene import subscene
 
 
@@ -133,8 +133,6 @@ class Agent:
         self.arms = tuple(name for name in problem.arms if name in chosen)
         starts = [problem.start[problem.columns[name]] for name in self.arms]
         self.start = np.concatenate(starts)
-        self.joint_names = problem.scene.joint_names(self.arms)
-        self.limits: Limits = problem.scene.limits(self.arms)
         ends = np.cumsum([len(q) for q in starts]).tolist()
         self.columns = {name: slice(a, b) for name, a, b in zip(self.arms, [0, *ends], ends, strict=False)}
 
@@ -144,6 +142,16 @@ class Agent:
     def __getstate__(self) -> dict[str, object]:
         """All attributes except the cached ones that hold kernel memory."""
         return {name: value for name, value in self.__dict__.items() if name not in ("bodies", "_alone")}
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names "arm/joint" of its joints."""
+        return self.problem.scene.joint_names(self.arms)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of its joints."""
+        return self.problem.scene.limits(self.arms)
 
     @cached_property
     def bodies(self) -> AgentBodies:
@@ -204,5 +212,4 @@ class Agent:
         return (self._query_among(others) if others else self._alone).with_margin(margin)
 
     def _query_among(self, others: Mapping[str, Array | None]) -> Problem:
-        goal = {name: self.problem.goal[name] for name in self.arms}
-        return Problem(self.among(others), self.split(self.start), goal, arms=self.arms)
+        return subproblem(self.problem, self.arms, self.among(others))

@@ -255,12 +255,7 @@ class Problem(Value, NotebookView):
         Raises:
             InputError: negative or not finite.
         """
-        distance = number_from_zero("margin", distance)
-        other = object.__new__(type(self))
-        for name in ("scene", "start", "goal", "arms"):
-            object.__setattr__(other, name, getattr(self, name))
-        object.__setattr__(other, "margin", distance)
-        return other
+        return _unchecked(self.scene, self.start, self.goal, self.arms, number_from_zero("margin", distance))
 
     def in_scene(self, scene: Scene) -> Problem:
         """The same problem in another scene; joint values are matched by joint name.
@@ -283,6 +278,29 @@ class Problem(Value, NotebookView):
             start[arm] = configurations[arm][order]
             goal[arm] = [JointGoal(g.q[order]) if isinstance(g, JointGoal) else g for g in self.goal[arm]]
         return Problem(scene, start, goal, arms=self.arms).with_margin(self.margin)
+
+
+def subproblem(problem: Problem, arms: tuple[str, ...], scene: Scene) -> Problem:
+    """The problem of some of the moving arms, without its margin; what was checked once is not checked again.
+
+    Args:
+        problem: The problem.
+        arms: Some of its arms, in its order.
+        scene: A scene in which these arms are the same.
+    """
+    start = np.concatenate([problem.start[problem.columns[name]] for name in arms])
+    goal = MappingProxyType({name: problem.goal[name] for name in arms})
+    return _unchecked(scene, read_only(start), goal, arms, 0.0)
+
+
+def _unchecked(
+    scene: Scene, start: Array, goal: Mapping[str, tuple[Goal, ...]], arms: tuple[str, ...], margin: float
+) -> Problem:
+    """A problem of values that are known to be valid."""
+    problem = object.__new__(Problem)
+    for name, value in (("scene", scene), ("start", start), ("goal", goal), ("arms", arms), ("margin", margin)):
+        object.__setattr__(problem, name, value)
+    return problem
 
 
 def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -267,12 +268,15 @@ def with_fewer(scene: Scene, **parts: Any) -> Scene:
         scene: The scene.
         **parts: `arms`, `obstacles` or `attachments`, by name; the others are kept.
     """
+    fewer = object.__new__(type(scene))  # all its parts were checked with the scene
+    for name in scene.__dataclass_fields__:
+        given = MappingProxyType(dict(parts[name])) if name in parts else getattr(scene, name)
+        object.__setattr__(fewer, name, given)
     if not scene.allowed and not scene.pair_padding:
-        return replace(scene, **parts)
-    bare = replace(scene, allowed=frozenset(), pair_padding={}, **parts)
-    names = {*bare.element_names, *bare.arms}
+        return fewer
+    names = {*fewer.element_names, *fewer.arms}
     return replace(
-        bare,
+        fewer,
         allowed=frozenset(both for both in scene.allowed if both <= names),
         pair_padding={both: distance for both, distance in scene.pair_padding.items() if both <= names},
     )
