@@ -111,7 +111,8 @@ class CoalPairs:
             if not carried:
                 continue
             branch.place(full)
-            joints = [_as_transform(pose) for pose in branch.data.oMi]
+            poses = branch.data.oMi
+            joints = {joint: _as_transform(poses[joint]) for joint in {joint for _, joint, _ in carried}}
             for k, joint, placement in carried:
                 self._poses[k] = joints[joint] * placement
 
