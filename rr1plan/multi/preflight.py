@@ -405,29 +405,25 @@ def _first_contact(
     agents: Mapping[str, Agent], configurations: Mapping[str, Array], near: Mapping[str, frozenset[str]]
 ) -> str | None:
     """A description of a contact between two arms, with links and depth; None if there is none."""
-    placed = {arm: placed_configuration(agent.bodies, configurations[arm]) for arm, agent in agents.items()}
-    boxes = {arm: box_around(agent.bodies, placed[arm]) for arm, agent in agents.items()}
-    for one, agent in agents.items():
-        whole = agent.problem.scene
-        distance = max(whole.padding, *whole.pair_padding.values(), 0.0)
-        # Sorted: sets have another order in each process, and the first contact is the one that is named.
-        for two in sorted(near[one]):
-            if one > two or _boxes_are_apart(boxes[one], boxes[two], distance):
-                continue
-            if are_apart(agent, placed[one], agents[two], placed[two]):
-                continue
-            scene = subscene(whole, {one: configurations[one], two: configurations[two]}, obstacles=False)
-            checker = CollisionChecker(scene)
-            q = scene.configuration()
-            owners = [{scene.owner(c.a), scene.owner(c.b)} for c in checker.contacts(q)]
-            if {one, two} in owners:
-                return describe_collision(checker, q)
+    names = tuple(agents)
+    placed = [placed_configuration(agents[arm].bodies, configurations[arm]) for arm in names]
+    boxes = np.array([box_around(agents[arm].bodies, at) for arm, at in zip(names, placed, strict=True)])
+    number = {arm: i for i, arm in enumerate(names)}
+    # Sorted: sets have another order in each process, and the first contact is the one that is named.
+    pairs = [(number[one], number[two]) for one in names for two in sorted(near[one]) if one < two]
+    rows = np.array(pairs, np.int64).reshape(-1, 2)
+    first, second = boxes[rows[:, 0]], boxes[rows[:, 1]]
+    gaps = np.maximum(first[:, 0] - second[:, 1], second[:, 0] - first[:, 1]).max(axis=1)
+    whole = agents[names[0]].problem.scene
+    distance = max(whole.padding, *whole.pair_padding.values(), 0.0)
+    for i, j in rows[gaps <= distance].tolist():
+        one, two = names[i], names[j]
+        if are_apart(agents[one], placed[i], agents[two], placed[j]):
+            continue
+        scene = subscene(whole, {one: configurations[one], two: configurations[two]}, obstacles=False)
+        checker = CollisionChecker(scene)
+        q = scene.configuration()
+        owners = [{scene.owner(c.a), scene.owner(c.b)} for c in checker.contacts(q)]
+        if {one, two} in owners:
+            return describe_collision(checker, q)
     return None
-
-
-def _boxes_are_apart(one: list[float], two: list[float], distance: float) -> bool:
-    """Whether two boxes, low and high corner each, are farther apart than a distance [m]."""
-    return any(
-        low > end + distance or start > high + distance
-        for low, high, start, end in zip(one[:3], one[3:], two[:3], two[3:], strict=True)
-    )

@@ -245,6 +245,14 @@ def test_changes_of_scenes_are_timed(script, problem_file, tmp_path):
     assert "| set up" in (tmp_path / "scene_changes.md").read_text()
 
 
+def test_problems_without_a_solution_are_refused_for_the_expected_reason(script, tmp_path):
+    assert script("no_solution").main(["--arms", "2", "4", "--seeds", "2", "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "no_solution.json").read_text())["results"]
+    assert len(results) == 10
+    assert all(result["n"] == 2 and result["median"] > 0.0 for result in results.values())
+    assert "| goals " in (tmp_path / "no_solution.md").read_text()
+
+
 def test_delays_and_conveyors_are_measured_without_contacts(script, tmp_path):
     arguments = ["--sets", "ring", "--executions", "6", "--seeds", "1", "--conveyors", "4", "--goals", "6"]
     assert script("delays").main([*arguments, "--limit", "5", "--out", str(tmp_path)]) == 0

@@ -58,7 +58,7 @@ def placed_configuration(bodies: AgentBodies, q: Array) -> CStruct:
     return placed_configurations(bodies, q[None])
 
 
-def box_around(bodies: AgentBodies, placed: CStruct) -> list[float]:
+def box_around(bodies: AgentBodies, placed: CStruct) -> tuple[Array, Array]:
     """Low and high corner of a box around all bodies in a configuration [m]; infinitely small without bodies.
 
     Args:
@@ -67,8 +67,7 @@ def box_around(bodies: AgentBodies, placed: CStruct) -> list[float]:
     """
     count, radii = len(bodies.group_balls), bodies.group_balls[:, 3:]
     centers = placed.part("group_centers")[count : 2 * count]
-    low, high = (centers - radii).min(axis=0, initial=np.inf), (centers + radii).max(axis=0, initial=-np.inf)
-    return [*low.tolist(), *high.tolist()]
+    return (centers - radii).min(axis=0, initial=np.inf), (centers + radii).max(axis=0, initial=-np.inf)
 
 
 def placed_configurations(bodies: AgentBodies, configurations: Array) -> CStruct:
