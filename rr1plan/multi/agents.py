@@ -47,6 +47,7 @@ class AgentBodies:
         group_rows: Joint, first body and end (exclusive) of each group, shape (g, 3).
         group_balls: Enclosing ball of each group, in the frame of its joint: center and radius [m], shape (g, 4).
         is_fixed: Whether no joint moves a body, shape (b,).
+        layout: Key of tables for all bodies with the same groups, of which the same are fixed.
     """
 
     def __init__(self, scene: Scene, arms: tuple[str, ...]) -> None:
@@ -58,6 +59,7 @@ class AgentBodies:
         groups = [kept_in(one.kept, "groups of bodies", partial(_body_groups, one)) for one in geometries.values()]
         self.is_fixed = np.concatenate([group.is_fixed for group in groups])
         self.group_rows, self.group_balls = _placed_groups(groups, instances)
+        self.layout = self.group_rows.tobytes(), self.is_fixed.tobytes()
         self._travel = [scene.arms[name].robot.limits.travel for name in arms]
 
     @cached_property

@@ -136,7 +136,8 @@ def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -
         # One table for all agents with the same bodies in the same order.
         key: tuple[object, ...] = (
             "cross pairs",
-            *((agent.bodies.group_rows.tobytes(), agent.bodies.is_fixed.tobytes()) for agent in (one, two)),
+            one.bodies.layout,
+            two.bodies.layout,
             scene.padding,
             margin,
             fixed,
