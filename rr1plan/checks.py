@@ -140,7 +140,7 @@ def is_plain(given: object, shape: tuple[int, ...]) -> TypeGuard[Array]:
 
 
 def is_near(given: object, shape: tuple[int]) -> TypeGuard[Array]:
-    """Whether `near_array` would take an array of this shape as it is; sooner known, and false for some large ones."""
+    """Whether `near_array` would return an array of this shape unchanged; fast, but false for some that are large."""
     # Without overflow, and false for NaN.
     return is_plain(given, shape) and math.hypot(*given.tolist()) <= FARTHEST
 

@@ -176,9 +176,9 @@ class CoalPairs:
             return []
         placed = [pose.transform(center) for pose, center in zip(self._poses, self._centers, strict=True)]
         centers = np.array(placed)
-        apart = centers[self._first] - centers[self._second]
+        offsets = centers[self._first] - centers[self._second]
         reach = self._both_radii + self._padding
-        near: list[int] = np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= reach * reach).tolist()
+        near: list[int] = np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) <= reach * reach).tolist()
         return near
 
     def _touches(self, pair: int) -> bool:
