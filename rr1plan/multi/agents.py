@@ -14,11 +14,7 @@ from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, arm_instan
 from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.convex.enclosing_ball import enclosing_ball
 from rr1plan.collision.tables.arm_tables import arm_tables
-from rr1plan.collision.tables.exact_tables import (
-    arm_exact_struct,
-    arm_exact_tables,
-    exact_scratch,
-)
+from rr1plan.collision.tables.exact_tables import arm_exact_struct, arm_exact_tables, exact_scratch
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
