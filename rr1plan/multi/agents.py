@@ -43,7 +43,7 @@ class AgentBodies:
         group_rows: Joint, first body and end (exclusive) of each group, shape (g, 3).
         group_balls: Enclosing ball of each group, in the frame of its joint: center and radius [m], shape (g, 4).
         is_fixed: Whether no joint moves a body, shape (b,).
-        layout: Key of tables for all bodies with the same groups, of which the same are fixed.
+        layout: Key of tables that depend only on the groups and on which bodies are fixed.
     """
 
     def __init__(self, scene: Scene, arms: tuple[str, ...]) -> None:

@@ -271,6 +271,7 @@ def _goal_choices(
     if touching is None:
         return chosen, None, "", choices
     # The repair of conflicts is incomplete, and configurations that were not reached are only hard to reach.
+    # If all arms have a single configuration, no other combination exists.
     only_one = all(len(several) == 1 for several in found.values())
     combined, complete = (None, True) if only_one else choices.conflicts.combination(watch)
     if combined is None and complete and rounds:
