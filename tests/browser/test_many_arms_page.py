@@ -52,16 +52,16 @@ def calm(opened: Any) -> Iterator[Any]:
     assert opened.complaints == []
 
 
-def picture(tab: Any, level: int | None) -> tuple[np.ndarray, int]:
-    """The picture at a quality level, None for the still picture, and its number of triangles."""
+def picture(tab: Any, level: int | None, **changes: object) -> tuple[np.ndarray, int]:
+    """The picture at a quality level with changes, None for the still picture, and its number of triangles."""
     tab.ask(
-        """level => {
+        """([level, changes]) => {
             document.body.classList.add('bare');
             delete RR1.pace.at;
-            if (level !== null) RR1.pace.at = () => ({...RR1.pace.levels[level], pixels: 1});
+            if (level !== null) RR1.pace.at = () => ({...RR1.pace.levels[level], pixels: 1, ...changes});
             RR1.redraw();
         }""",
-        level,
+        [level, changes],
     )
     for _ in range(2):
         frames = tab.ask("RR1.redraw(), RR1.frames")
@@ -101,6 +101,21 @@ def test_every_level_draws_less_and_the_picture_stays(tab: Any, page_file: FileP
     blocks = [p[:640, :960].mean(axis=2).reshape(80, 8, 120, 8).mean(axis=(1, 3)) for p in pictures]
     for coarse in blocks[1:]:
         assert np.corrcoef(blocks[0].ravel(), coarse.ravel())[0, 1] > 0.9
+    assert tab.complaints == []
+
+
+@pytest.mark.drawn
+def test_smooth_edges_change_only_edges(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    tab.ask("RR1.setShown('toolpath', false)")
+    rough, smooth, again = (picture(tab, 3, smooth=on)[0] for on in (False, True, False))
+    assert np.array_equal(rough, again)
+    changed = np.abs(smooth - rough).max(axis=2) > 2
+    assert 0.001 < changed.mean() < 0.1
+    # Samples of a pixel show what is visible in it or next to it, so their mean lies between the colors around it.
+    around = np.stack([np.roll(rough, (i - 1, j - 1), (0, 1)) for i, j in np.ndindex(3, 3)])
+    between = ((smooth >= around.min(axis=0) - 8) & (smooth <= around.max(axis=0) + 8)).all(axis=2)
+    assert between[changed].mean() > 0.9
     assert tab.complaints == []
 
 

@@ -7,28 +7,28 @@ const MANY = 24;
 
 /**
  * Quality levels, from the best to the fastest.
- * pixels: resolution relative to the window's, each way; detail: size of features that may be omitted [px]; shadows:
- * "moving", "still" or "none"; rich: highlights and shadows on surfaces; tubes: tool paths as tubes instead of lines;
- * ghosts: start and goal are drawn.
+ * pixels: resolution relative to the window's, each way; detail: size of features that may be omitted [px]; smooth:
+ * edges are antialiased (see multisampling.js); shadows: "moving", "still" or "none"; rich: highlights and shadows on
+ * surfaces; tubes: tool paths as tubes instead of lines; ghosts: start and goal are drawn.
  */
 const FEW_ARMS = [
-  { pixels: 1, detail: 0.3, shadows: "moving", rich: true, tubes: true, ghosts: true },
-  { pixels: 0.75, detail: 0.6, shadows: "moving", rich: true, tubes: true, ghosts: true },
-  { pixels: 0.6, detail: 1, shadows: "still", rich: true, tubes: true, ghosts: true },
-  { pixels: 0.42, detail: 1.5, shadows: "still", rich: true, tubes: true, ghosts: false },
+  { pixels: 1, detail: 0.3, smooth: true, shadows: "moving", rich: true, tubes: true, ghosts: true },
+  { pixels: 0.75, detail: 0.6, smooth: true, shadows: "moving", rich: true, tubes: true, ghosts: true },
+  { pixels: 0.75, detail: 1, smooth: false, shadows: "still", rich: true, tubes: true, ghosts: true },
+  { pixels: 0.5, detail: 1.5, smooth: false, shadows: "still", rich: true, tubes: true, ghosts: false },
 ];
 const MANY_ARMS = [
-  { pixels: 1, detail: 0.5, shadows: "moving", rich: true, tubes: true, ghosts: true },
-  { pixels: 1, detail: 1, shadows: "moving", rich: false, tubes: false, ghosts: true },
-  { pixels: 0.75, detail: 2, shadows: "moving", rich: false, tubes: false, ghosts: true },
-  { pixels: 0.75, detail: 4, shadows: "none", rich: false, tubes: false, ghosts: false },
-  { pixels: 0.5, detail: 8, shadows: "none", rich: false, tubes: false, ghosts: false },
+  { pixels: 1, detail: 0.5, smooth: true, shadows: "moving", rich: true, tubes: true, ghosts: true },
+  { pixels: 1, detail: 1, smooth: true, shadows: "moving", rich: false, tubes: false, ghosts: true },
+  { pixels: 0.75, detail: 2, smooth: false, shadows: "moving", rich: false, tubes: false, ghosts: true },
+  { pixels: 0.75, detail: 4, smooth: false, shadows: "none", rich: false, tubes: false, ghosts: false },
+  { pixels: 0.67, detail: 8, smooth: false, shadows: "none", rich: false, tubes: false, ghosts: false },
 ];
 
 const levelsFor = (arms) => (arms > FEW ? MANY_ARMS : FEW_ARMS);
 
 const BEGIN = 3; // the level of many arms at first
-const LATE = 60, EARLY = 28; // [ms] between frames: above LATE quality is reduced, below EARLY it may rise
+const LATE = 45, EARLY = 28; // [ms] between frames: above LATE quality is reduced, below EARLY it may rise
 const PATIENCE = 400; // [ms] of early frames before quality rises; doubled each time that was too much
 
 class Pace {

@@ -58,10 +58,13 @@ function roomLight() {
 class Stage {
   constructor(pane) {
     this.pane = pane;
-    const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    const canSwitch = typeof WebGL2RenderingContext !== "undefined"; // else the canvas itself has to be multisampled
+    const renderer = new THREE.WebGLRenderer({ antialias: !canSwitch, alpha: true });
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = THREE.PCFSoftShadowMap;
     renderer.outputEncoding = THREE.sRGBEncoding;
+    renderer.info.autoReset = false; // it counts whole pictures, which may take several renderings
+    this.multisampling = renderer.capabilities.isWebGL2 ? new Multisampling(renderer) : null;
     this.meshcat = new MeshCat.Viewer(pane, false, renderer);
     this.quality = FEW_ARMS[0];
     pane.appendChild(renderer.domElement);
@@ -346,7 +349,13 @@ class Stage {
     this.controls.update();
     if (!this.meshcat.needs_render || this.renderer.getContext().isContextLost()) return;
     if (this.onDraw) this.onDraw();
-    if (this.count === 1) this.meshcat.render(); else this.drawTiles();
+    this.renderer.info.reset();
+    if (this.count === 1) this.paint(() => this.meshcat.render()); else this.drawTiles();
+  }
+
+  /** Calls render() such that edges are as smooth as the quality says. */
+  paint(render) {
+    if (this.multisampling && this.quality.smooth) this.multisampling.draw(render); else render();
   }
 
   /** Draws all tiles, the first one last, so that its content remains visible in the world. */
@@ -358,7 +367,7 @@ class Stage {
       this.onTile(k);
       this.fitLens(k);
       renderer.setScissor(left, all - top - height, width, height);
-      renderer.render(meshcat.scene, camera);
+      this.paint(() => renderer.render(meshcat.scene, camera));
     }
     renderer.setScissorTest(false);
     meshcat.needs_render = false;
