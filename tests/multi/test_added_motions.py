@@ -17,9 +17,10 @@ import pytest
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi import stopwatch
-from rr1plan.multi.execution import added_motions, present_motions, running_routes
+from rr1plan.multi.execution import added_motions, present_motions
 from rr1plan.multi.execution.running_plan import stops_of
 from rr1plan.multi.execution.running_routes import running_route
+from rr1plan.multi.paths import path_memory
 from rr1plan.multi.timing.passing_order import closed_diagram
 from rr1plan.planning import Budget
 from rr1plan.robot.joint_limits import Limits
@@ -156,7 +157,7 @@ def test_a_plan_without_its_past_stays_small_and_goes_on_the_same(
     assert min(map(len, whole.parts.values())) > 6
     assert rp.validate(whole.trajectory, scene).certified
     graph = rp.plan_graph(whole)
-    monkeypatch.setattr(running_routes, "_MOST_PLACED", 2)
+    monkeypatch.setattr(path_memory, "_MOST_BYTES", 0)
     assert rp.plan_graph(whole).to_dict() == graph.to_dict()
     assert sum("placed" in vars(part.path) for parts in whole.parts.values() for part in parts) <= 2
     with pytest.raises(rp.InputError, match=r"no motions before 3\.600 s"):

@@ -12,7 +12,9 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths import path_memory
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_memory import PathMemory
 from rr1plan.multi.paths.placed_path import placed_configuration, placed_configurations
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart, conflicts, coordination_diagram
@@ -219,6 +221,35 @@ def test_paths_are_not_placed_after_a_stop(crossing) -> None:
     # What was stopped is placed completely when it is needed.
     assert not two.place(np.ones(1, np.int64))
     assert coordination_diagram(one, two) is not None
+
+
+def test_paths_are_released_from_memory_in_the_order_of_their_last_use(
+    rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory, paths = PathMemory(), [path for _ in range(2) for path in _paths(_problem(rr1))]
+    for path in paths:
+        assert memory.place(path)
+    sizes = [path.placed_bytes for path in paths]
+    assert min(sizes) > 10_000
+    assert memory.place(paths[0])
+    monkeypatch.setattr(path_memory, "_MOST_BYTES", sum(sizes) - 1)
+    assert memory.place(paths[3])
+    assert [path.placed_bytes > 0 for path in paths] == [True, False, True, True]
+    monkeypatch.setattr(path_memory, "_MOST_BYTES", 0)
+    assert memory.place(paths[1], paths[2]), "what is used now is kept"
+    assert [path.placed_bytes for path in paths] == [0, sizes[1], sizes[2], 0]
+    assert not memory.place(paths[0], stop=np.ones(1, np.int64))
+    assert paths[0].placed_bytes == 0
+
+
+def test_plans_do_not_depend_on_the_memory_of_paths(rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = rp.random_grid(rr1, 9, 0.5, 3)
+    plan = rp.plan_many_arms(problem, rng=3, budget=rp.Budget(60.0))
+    monkeypatch.setattr(path_memory, "_MOST_BYTES", 0)
+    again = rp.plan_many_arms(problem, rng=3, budget=rp.Budget(60.0))
+    assert plan
+    assert again
+    assert plan.trajectory.coefficients.tobytes() == again.trajectory.coefficients.tobytes()
 
 
 def test_a_cancelled_clock_stops_what_takes_long() -> None:

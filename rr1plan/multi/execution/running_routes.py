@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.multi.execution.route import Route, RouteSteps
 from rr1plan.multi.execution.running_plan import Part
-from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_memory import PathMemory
 from rr1plan.multi.timing.coordination import cross_pairs
 from rr1plan.multi.timing.passing_order import (
     PASSING_MARGINS,
@@ -28,29 +28,6 @@ from rr1plan.multi.timing.schedule import Occupancy
 from rr1plan.progress import step_callback
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
-
-# Largest number of paths whose bodies are placed at once, of up to three megabytes each.
-_MOST_PLACED = 100
-
-
-class PlacedPaths:
-    """Paths whose bodies are placed; those that were not used for longest are released."""
-
-    def __init__(self) -> None:
-        self._paths: dict[AgentPath, None] = {}
-
-    def use(self, path: AgentPath) -> None:
-        """Keep a path, and release another one if there are too many.
-
-        Args:
-            path: The path.
-        """
-        self._paths.pop(path, None)
-        self._paths[path] = None
-        if len(self._paths) > _MOST_PLACED:
-            oldest = next(iter(self._paths))
-            del self._paths[oldest]
-            oldest.release()
 
 
 @dataclass(frozen=True)
@@ -139,7 +116,7 @@ def running_order(
     one: RunningRoute,
     two: RunningRoute,
     agents: tuple[int, int],
-    placed: PlacedPaths,
+    memory: PathMemory,
     advance: Callable[[float], None],
 ) -> list[Precedence] | None:
     """The order of two arms with the largest margin for which there is one, see `passing_order`; None without one.
@@ -148,12 +125,12 @@ def running_order(
         one: An arm.
         two: Another one of the same plan.
         agents: Their indices.
-        placed: The paths with placed bodies.
+        memory: Limits the memory of placed bodies.
         advance: Called with the fraction done.
     """
     order = None
     for k, margin in enumerate(PASSING_MARGINS):
-        cells = _shared_cells(one, two, margin, placed, step_callback(advance, k, len(PASSING_MARGINS)))
+        cells = _shared_cells(one, two, margin, memory, step_callback(advance, k, len(PASSING_MARGINS)))
         order = None if cells is None else passing_order(cells, one.occupancy, two.occupancy, agents)
         if order is not None:
             break
@@ -161,7 +138,7 @@ def running_order(
 
 
 def _shared_cells(
-    one: RunningRoute, two: RunningRoute, margin: float, placed: PlacedPaths, advance: Callable[[float], None]
+    one: RunningRoute, two: RunningRoute, margin: float, memory: PathMemory, advance: Callable[[float], None]
 ) -> CellIndices | None:
     """The steps of two arms that must not be occupied at the same time, without some whose order follows from others'.
 
@@ -180,8 +157,7 @@ def _shared_cells(
         if over_one[second.start] >= first.stop or over_two[first.start] >= second.stop:
             continue
         part, other = one.parts[k], two.parts[m]
-        placed.use(part.path)
-        placed.use(other.path)
+        memory.place(part.path, other.path)
         a_rows, b_rows = part.rows[: len(first)], other.rows[: len(second)]
         wanted = np.zeros((part.path.cells, other.path.cells), np.bool_)
         wanted[np.ix_(np.concatenate(rows_of(part.path, a_rows)), np.concatenate(rows_of(other.path, b_rows)))] = True

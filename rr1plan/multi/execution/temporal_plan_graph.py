@@ -25,8 +25,9 @@ from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
 from rr1plan.multi.execution.running_plan import RunningPlan
-from rr1plan.multi.execution.running_routes import PlacedPaths, running_order, running_route
+from rr1plan.multi.execution.running_routes import running_order, running_route
 from rr1plan.multi.paths.hop_timing import HopTiming
+from rr1plan.multi.paths.path_memory import PathMemory
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.passing_order import Precedence, Step, order_between, passage
@@ -312,10 +313,10 @@ def _orders_of_running(plan: RunningPlan) -> tuple[tuple[Route, ...], HopTiming,
         raise InputError(
             f"plan has no motions before {begin:.3f} s (without_past), expected one from its beginning, where arms rest"
         )
-    running, placed = [running_route(plan.parts[arm]) for arm in plan.arms], PlacedPaths()
+    running, memory = [running_route(plan.parts[arm]) for arm in plan.arms], PathMemory()
 
     def order(i: int, j: int, advance: Callable[[float], None]) -> list[Precedence] | None:
-        return running_order(running[i], running[j], (i, j), placed, advance)
+        return running_order(running[i], running[j], (i, j), memory, advance)
 
     timing = HopTiming(plan.retiming, plan.torque_limits)
     return tuple(each.route for each in running), timing, plan.scene, order

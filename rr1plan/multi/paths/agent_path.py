@@ -342,6 +342,12 @@ class AgentPath:
         """The bodies at the start and at the goal, as a path of two intervals of zero length."""
         return placed_configurations(self.agent.bodies, np.stack([self.start, self.goal]))
 
+    @property
+    def placed_bytes(self) -> int:
+        """Memory that the placed bodies take [bytes]; 0 if they are not placed."""
+        placed = self.__dict__.get("placed")
+        return 0 if placed is None else sum(placed.part(each).nbytes for each in ("poses", "centers", "travel"))
+
     def release(self) -> None:
         """Free the placed bodies, most of the memory of a path; they are recomputed on demand."""
         self.__dict__.pop("placed", None)
@@ -357,6 +363,11 @@ class AgentPath:
         rate = np.abs(c[:, 1] + 2.0 * s * c[:, 2])
         reach[:] = rate * half + np.abs(c[:, 2]) * half**2
         reach += _ROUNDING * (1.0 + np.abs(c).sum(axis=1))
+
+    @property
+    def has_boxes(self) -> bool:
+        """Whether `boxes` are known, for which the bodies have to be placed."""
+        return "boxes" in self.__dict__
 
     @cached_property
     def boxes(self) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.in_parallel import in_parallel
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_memory import PathMemory
 from rr1plan.multi.preflight import MARGINS, margins_up_to
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
@@ -30,6 +31,7 @@ class DiagramCache:
         self._sizes = (*margins_up_to(largest), 0.0)
         self._margins: dict[tuple[Agent, Agent, bytes, bytes], float] = {}
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+        self._memory = PathMemory()
 
     def __len__(self) -> int:
         """Number of computed diagrams, both orders counted."""
@@ -55,6 +57,9 @@ class DiagramCache:
             one: A path of an agent.
             two: A path of another one.
         """
+        for path in (one, two):
+            if not path.has_boxes:
+                self._memory.place(path, stop=self._stop)
         return may_touch(one, two, self._sizes[0])
 
     def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
@@ -67,7 +72,7 @@ class DiagramCache:
         try:
             return self._diagrams[one, two]
         except KeyError:
-            if not (one.place(self._stop) and two.place(self._stop)):
+            if not self._memory.place(one, two, stop=self._stop):
                 return extended(np.ones((one.cells, two.cells), np.uint8))
             blocked = None
             if self.may_touch(one, two):
@@ -108,8 +113,6 @@ class DiagramCache:
         if threads < 2:
             return
         unknown = [both for both in pairs if both not in self._diagrams]
-        if not all(path.place(self._stop) for both in unknown for path in both):
-            return
         missing = [both for both in unknown if watch.goes_on() and self.may_touch(*both)]
         if len(missing) < _FEWEST:
             return
