@@ -11,7 +11,7 @@ from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.placed_path import NEVER
 from rr1plan.thread_locks import exclusive, per_process
 
-_MOST_BYTES = 500_000_000
+_MOST_BYTES = 700_000_000
 
 
 class PathMemory:
