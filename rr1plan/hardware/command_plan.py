@@ -19,6 +19,7 @@ from rr1plan.hardware.motion_law import SpeedProfile
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.path import Path
 from rr1plan.report import Report
+from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.joint_units import joint_units
 from rr1plan.trajectory import Trajectory
@@ -49,8 +50,9 @@ class CommandPlan(Value):
         path: Configurations after every single step of every motor, from the emulated firmware.
         report: The referee's report on the trajectory: collisions, limits.
         path_report: The referee's report on the path: collisions, position limits.
-        deviation: Largest distance of any joint in the trajectory from its emulated steps [rad], shape (nq,).
+        deviation: Largest distance of any joint in the trajectory from its emulated steps [rad or m], shape (nq,).
         box: The control box.
+        robot: The arm's robot.
         unchecked: Values of locked joints that no channel drives [rad or m], by name: the certificate assumes them,
             and sending cannot check them.
     """
@@ -65,6 +67,7 @@ class CommandPlan(Value):
     path_report: Report
     deviation: Array
     box: ControlBox
+    robot: Robot
     unchecked: Mapping[str, float]
 
     def __post_init__(self) -> None:
@@ -93,19 +96,16 @@ class CommandPlan(Value):
 
     def __str__(self) -> str:
         seconds = float(self.ticks.sum()) * self.box.tick
-        most = max(range(len(self.deviation)), key=lambda j: self.deviation[j], default=0)
-        name = self.trajectory.joint_names[most]
         lines = [f"{counted(len(self.commands), 'command')} for {self.arm}, {seconds:.1f} s of motion"]
         lines.append("  command  " + "".join(f"{channel:>7}" for channel in CHANNELS) + "      time")
         for number, (command, ticks) in enumerate(zip(self.commands, self.ticks, strict=True), 1):
             row = "".join(f"{steps:7d}" for steps in command.steps)
             lines.append(f"  {number:7d}  {row}  {ticks * self.box.tick:6.2f} s")
-        lines.append(
-            f"  steps deviate from the sine ramps by {math.degrees(self.deviation[most]):.3f} degrees at most ({name})"
-        )
+        lines.append(f"  steps deviate from the sine ramps by {' and '.join(self._deviations())}")
         lines += [
-            f"  {joint} is assumed at {value:g} rad or m: no channel drives it, so that it is not checked"
-            for joint, value in self.unchecked.items()
+            f"  {name} is assumed at {value:g} {self.robot.joint(name).unit}: no channel drives it, so that it is not "
+            "checked"
+            for name, value in self.unchecked.items()
         ]
         if not self.certified:
             verdict = "NOT CERTIFIED"
@@ -114,6 +114,15 @@ class CommandPlan(Value):
         else:
             verdict = "certified free of collision, steps and ramps"
         return "\n".join([*lines, f"  {verdict}", *(f"  {problem}" for problem in self.problems)])
+
+    def _deviations(self) -> Iterator[str]:
+        """The largest deviation of the turning joints and that of the sliding ones, with their joints."""
+        joints = [self.robot.joint(name) for name in self.robot.joint_names]
+        for unit, factor, called in (("rad", math.degrees(1.0), "degrees"), ("m", 1000.0, "mm")):
+            columns = [j for j, joint in enumerate(joints) if joint.unit == unit]
+            if columns:
+                most = max(columns, key=lambda j: self.deviation[j])
+                yield f"{factor * self.deviation[most]:.3f} {called} at most ({self.trajectory.joint_names[most]})"
 
 
 def plan_commands(
@@ -136,7 +145,7 @@ def plan_commands(
         calibration: The arm's calibration in steps.
         box: The arm's control box.
         scene: The scene (default: that of the `MotionPlan`).
-        tolerance: Largest distance of the segments from the motion [rad]; larger values give fewer commands. It is
+        tolerance: Largest distance of the segments from the motion [rad or m]; larger values give fewer commands. It is
             halved, up to four times, if the arm would collide.
         safety: "high": segments are split into commands of at most 1024 steps for each joint, because the box ignores
             more at this level; "low": they are not.
@@ -214,6 +223,7 @@ def _command_plan(
         certify_path(path, still),
         np.abs(trajectory(times * box.tick) - path.waypoints).max(axis=0),
         box,
+        scene.arms[arm].robot,
         scale.unchecked,
     )
 

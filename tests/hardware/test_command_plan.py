@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -178,7 +178,42 @@ def test_locked_joints_without_a_channel_are_listed_as_not_checked(
     alone = rp.ControlBox({name: channel for name, channel in box.channels.items() if name != "G"}, box.tick)
     plan = rp.plan_commands(motion, calibration, alone)
     assert plan.unchecked == motion.scene.arms["rr1"].robot.locked_joints
-    assert "finger_joint is assumed at 0 rad or m: no channel drives it, so that it is not checked" in str(plan)
+    assert "finger_joint is assumed at 0 rad: no channel drives it, so that it is not checked" in str(plan)
+
+
+@pytest.fixture
+def sliding_box() -> rp.ControlBox:
+    return rp.ControlBox({"S1": rp.BoxChannel("joint1", 4, 64), "S2": rp.BoxChannel("joint2", 4, 64)}, 0.000602)
+
+
+def _sliding_plan(robot: rp.Robot, box: rp.ControlBox, shift: list[float]) -> rp.CommandPlan:
+    scene = rp.Scene().with_arm("arm", robot)
+    joints = {c.joint: rp.JointCalibration(1, 0.0, 4000.0, 1e-3, 1.0) for c in box.channels.values()}
+    q = scene.configuration()
+    swing = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 2.0], [q, q + shift], np.zeros((2, len(q))))
+    return rp.plan_commands(swing, rp.Calibration(robot.name, joints, "steps", source="made up"), box, scene=scene)
+
+
+def test_a_locked_sliding_joint_is_assumed_at_meters(sliding_box: rp.ControlBox) -> None:
+    gantry = rp.planar_arm("PP")
+    one = np.array([[1.0], [0.0]])
+    rail = replace(
+        gantry,
+        joint_names=("joint1",),
+        limits=rp.Limits(*(getattr(gantry.limits, f.name) @ one for f in fields(gantry.limits))),
+        configurations={"home": gantry.home @ one},
+        locked_joints={"joint2": 0.25},
+        presets={},
+    )
+    alone = rp.ControlBox({"S1": sliding_box.channels["S1"]}, sliding_box.tick)
+    assert "joint2 is assumed at 0.25 m: no channel drives it" in str(_sliding_plan(rail, alone, [0.1]))
+
+
+def test_deviations_of_sliding_joints_are_lengths(sliding_box: rp.ControlBox) -> None:
+    plan = _sliding_plan(rp.planar_arm("RP"), sliding_box, [0.3, 0.1])
+    degrees, millimeters = np.degrees(plan.deviation[0]), 1000.0 * plan.deviation[1]
+    said = f"{degrees:.3f} degrees at most (arm/joint1) and {millimeters:.3f} mm at most (arm/joint2)"
+    assert said in str(plan)
 
 
 def test_links_without_a_collision_shape_are_named(
