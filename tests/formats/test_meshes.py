@@ -695,6 +695,20 @@ def test_colors_of_vertices_count_with_their_mean(tmp_path: Path) -> None:
     assert {part.color for part in read_mesh(tmp_path / "balls.glb")} == {(1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.4)}
 
 
+def test_a_long_spiral_leaves_its_gap_open(tmp_path: Path) -> None:
+    """Most of its corners become ears only late, from its ends on."""
+    angles = np.linspace(0.0, 40.0 * np.pi, 1500)
+    arm = np.column_stack([np.cos(angles), np.sin(angles)])
+    outline = np.concatenate([(angles + 1.0)[:, None] * arm, (angles[:, None] * arm)[::-1]])
+    lines = [f"v {x!r} {y!r} 0" for x, y in outline.tolist()]
+    (tmp_path / "spiral.obj").write_text("\n".join([*lines, "f " + " ".join(str(i) for i in range(1, 3001))]))
+    mesh = load_mesh(tmp_path / "spiral.obj")
+    a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
+    surface = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0
+    x, y = outline.T
+    assert surface == pytest.approx(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0)
+
+
 def test_a_concave_face_of_too_many_corners_is_refused(tmp_path: Path) -> None:
     angles = np.arange(8000) * np.pi / 4000
     radii = np.where(np.arange(8000) % 2, 1.0, 0.9)
