@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,31 +15,12 @@ from rr1plan.files.file_access import MAX_BYTES, read_bytes, read_text
 from rr1plan.files.npy_files import parse_array
 from rr1plan.shapes import PointCloud
 from rr1plan.shapes.mesh_files import warn_of_millimeters
+from rr1plan.shapes.ply_files import MAX_COLUMNS, header_lines, ply_points, rows_of, whole_number
 
 log = logging.getLogger(__name__)
 
-_MAX_HEADER = 100_000  # [bytes]
-_MAX_COLUMNS = 1000
 _TEXT = (".csv", ".xyz", ".txt")
 _PCD_TYPES = {(kind.upper(), size): f"<{kind}{size}" for kind in "iuf" for size in "1248" if kind != "f" or size > "2"}
-_PLY_TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float32": "f4",
-    "float64": "f8",
-}
 
 
 def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointCloud:
@@ -116,41 +96,13 @@ def _from_text(text: str) -> Any:
     return np.array(points).reshape(-1, 3)
 
 
-def _from_ply(data: bytes) -> Any:
-    """The vertices of a PLY file; faces and later elements are ignored."""
-    lines, body = _header(data, b"end_header")
-    if lines[:1] != [["ply"]] or len(lines) < 2 or lines[1][:1] != ["format"] or len(lines[1]) != 3:
-        raise ValueError("it does not begin as a PLY file")
-    order = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[lines[1][1]]
-    elements: list[tuple[str, int, list[str], list[str]]] = []
-    for words in lines[2:-1]:
-        match words:
-            case ["comment" | "obj_info", *_]:
-                pass
-            case ["element", name, number]:
-                elements.append((name, _whole(number), [], []))
-            case ["property", kind, name]:
-                elements[-1][2].append(name)
-                elements[-1][3].append((order or "<") + _PLY_TYPES[kind])
-            case ["property", "list", _, _, name]:
-                elements[-1][2].append(name)
-                elements[-1][3].append("")  # rows of several lengths
-            case _:
-                raise ValueError(f"{' '.join(words)!r} is no line of a header")
-    if not elements or elements[0][0] != "vertex" or "" in elements[0][3]:
-        raise ValueError("its first element is not a vertex of numbers")
-    _, count, names, formats = elements[0]
-    places = {name: i for i, name in enumerate(names)}
-    return _columns(body, formats, [places[axis] for axis in "xyz"], count, text=not order)
-
-
 def _from_pcd(data: bytes) -> Any:
     """The fields x, y and z of a PCD file, the format of the Point Cloud Library."""
-    lines, body = _header(data, b"DATA")
+    lines, body = header_lines(data, b"DATA")
     header = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
     names, kinds = header["FIELDS"], header["TYPE"]
-    counts = [_whole(word) for word in header.get("COUNT", ["1"] * len(names))]
-    (rows,) = (_whole(word) for word in header["POINTS"])
+    counts = [whole_number(word) for word in header.get("COUNT", ["1"] * len(names))]
+    (rows,) = (whole_number(word) for word in header["POINTS"])
     (coding,) = header["DATA"]
     if coding not in ("ascii", "binary", "binary_compressed"):
         raise ValueError(f"its DATA is {coding}, expected ascii, binary or binary_compressed")
@@ -158,10 +110,10 @@ def _from_pcd(data: bytes) -> Any:
     places: dict[str, int] = {}
     for name, kind, size, count in zip(names, kinds, header["SIZE"], counts, strict=True):
         places[name] = len(formats)
-        formats += [_PCD_TYPES[kind, size]] * min(count, _MAX_COLUMNS)
+        formats += [_PCD_TYPES[kind, size]] * min(count, MAX_COLUMNS)
     if coding == "binary_compressed":
         body = _interleaved(_uncompressed(body), names, counts, header["SIZE"], rows)
-    return _columns(body, formats, [places[axis] for axis in "xyz"], rows, text=coding == "ascii")
+    return rows_of(body, formats, [places[axis] for axis in "xyz"], rows, text=coding == "ascii")
 
 
 def _uncompressed(body: bytes) -> bytes:
@@ -200,7 +152,7 @@ def _uncompressed(body: bytes) -> bytes:
 
 def _interleaved(data: bytes, names: list[str], counts: list[int], sizes: list[str], rows: int) -> bytes:
     """The points one after the other; compressed files have one field after the other."""
-    widths = [min(count, _MAX_COLUMNS) * _whole(size) for _, count, size in zip(names, counts, sizes, strict=True)]
+    widths = [min(count, MAX_COLUMNS) * whole_number(size) for _, count, size in zip(names, counts, sizes, strict=True)]
     if len(data) != rows * sum(widths):
         raise ValueError(f"it holds {len(data)} bytes, the header says {rows * sum(widths)}")
     starts = np.cumsum([0, *(rows * width for width in widths)]).tolist()
@@ -211,43 +163,8 @@ def _interleaved(data: bytes, names: list[str], counts: list[int], sizes: list[s
     return np.concatenate(fields, axis=1).tobytes()
 
 
-def _header(data: bytes, last: bytes) -> tuple[list[list[str]], bytes]:
-    """The words of the header's lines up to the one that begins with `last`, and the remaining bytes."""
-    found = re.search(rb"^" + last + rb"[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
-    if found is None:
-        raise ValueError(f"its header has no line {last.decode()!r}")
-    return [line.split() for line in data[: found.end()].decode("latin-1").splitlines()], data[found.end() :]
-
-
-def _columns(body: bytes, formats: list[str], columns: list[int], rows: int, *, text: bool) -> Any:
-    """Some columns of rows of numbers."""
-    if len(formats) > _MAX_COLUMNS:
-        raise ValueError(f"it has more than {_MAX_COLUMNS} values for each point")
-    if rows == 0:
-        return np.empty((0, len(columns)))
-    if not text:
-        row = np.dtype([(str(i), form) for i, form in enumerate(formats)])
-        if len(body) < rows * row.itemsize:
-            raise ValueError(f"it holds {len(body)} bytes, the header says {rows * row.itemsize}")
-        values = np.frombuffer(body, row, count=rows)
-        return np.stack([values[str(i)].astype(np.float64) for i in columns], axis=1)
-    lines = body.splitlines()[:rows]
-    if len(lines) < rows or not lines[0].strip():
-        raise ValueError(f"it holds {len(lines)} lines, the header says {rows}")
-    table = np.loadtxt(lines, ndmin=2, comments=None, encoding="ascii")
-    if table.shape != (rows, len(formats)):
-        raise ValueError(f"it holds numbers of shape {table.shape}, the header says {(rows, len(formats))}")
-    return table[:, columns]
-
-
-def _whole(word: str) -> int:
-    if not (word.isascii() and word.isdigit() and len(word) < 12):
-        raise ValueError(f"{word!r} is no count")
-    return int(word)
-
-
 _READERS: dict[str, Callable[[bytes], Any]] = {
     ".npy": parse_array,
-    ".ply": _from_ply,
+    ".ply": ply_points,
     ".pcd": _from_pcd,
 }

@@ -262,6 +262,35 @@ def test_concave_faces_of_an_obj_do_not_cover_their_notches(
         assert surface == pytest.approx(2.0 * area + 2.0 * edges.sum())
 
 
+def ply_of_faces(coding: str, vertices: np.ndarray, faces: list[list[int]]) -> bytes:
+    """A PLY with colors of the faces before their corners, and a list after them."""
+    head = f"ply\nformat {coding} 1.0\nelement vertex {len(vertices)}\n"
+    head += "".join(f"property double {axis}\n" for axis in "xyz") + f"element face {len(faces)}\n"
+    head += "".join(f"property uchar {color}\n" for color in ("red", "green", "blue"))
+    head += "property list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    if coding == "ascii":
+        lines = [f"{x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+        lines += [f"255 0 51 {len(face)} {' '.join(map(str, face))} 2 0.5 0.5" for face in faces]
+        return (head + "\n".join(lines)).encode()
+    order = "<" if "little" in coding else ">"
+    rows = [struct.pack(f"{order}4B{len(f)}iB2f", 255, 0, 51, len(f), *f, 2, 0.5, 0.5) for f in faces]
+    return head.encode() + vertices.astype(order + "f8").tobytes() + b"".join(rows)
+
+
+@pytest.mark.parametrize("coding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_a_ply_may_have_faces_of_any_number_of_corners(tmp_path: Path, coding: str) -> None:
+    outline = np.array([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)])
+    corners = [[*corner, z] for z in (0.0, 2.0) for corner in outline.tolist()]
+    sides = [[i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i] for i in range(5)]
+    faces = [[1, 0, 5, 4, 3, 2], *sides, [5, 0, 6], [5, 6, 11], [8, 9, 10, 11, 6, 7]]
+    (tmp_path / "a.ply").write_bytes(ply_of_faces(coding, np.array(corners), faces))
+    (part,) = read_mesh(tmp_path / "a.ply")
+    assert part.color == pytest.approx((1.0, 0.0, 0.2, 1.0))
+    a, b, c = part.mesh.vertices[part.mesh.faces].swapaxes(0, 1)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(10.0)
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0 == pytest.approx(2.0 * 5.0 + 2.0 * 12.0)
+
+
 def test_faces_of_an_obj_that_cross_themselves_are_triangulated(tmp_path: Path) -> None:
     head = "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nv 3 1 0\n"
     for face in ("1 2 3 4", "1 2 3 4 5", "1 3 2 2 4", "5 3 1 2 4"):
