@@ -27,6 +27,7 @@ from rr1plan.files.xml_reader import first_attributes
 from rr1plan.shapes import Color, Mesh
 from rr1plan.shapes.concave_faces import with_triangulated_faces
 from rr1plan.shapes.convex_hulls import convex_hull
+from rr1plan.shapes.dae_polygons import with_triangulated_polygons
 from rr1plan.shapes.gltf_checks import Z_UP, external_buffers
 from rr1plan.shapes.ply_files import with_triangles
 
@@ -196,6 +197,8 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
         data = with_triangulated_faces(_regular_obj(data, file), file)
     elif kind == "ply":
         data = with_triangles(_regular_ply(data), file)
+    elif kind == "dae":
+        data = with_triangulated_polygons(data, file)
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]

@@ -291,6 +291,29 @@ def test_a_ply_may_have_faces_of_any_number_of_corners(tmp_path: Path, coding: s
     assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0 == pytest.approx(2.0 * 5.0 + 2.0 * 12.0)
 
 
+@pytest.mark.parametrize("form", ["polylist", "polygons"])
+def test_concave_polygons_of_a_dae_do_not_cover_their_notches(tmp_path: Path, block: Mesh, form: str) -> None:
+    outline = np.array([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)])
+    corners = np.array([[*corner, z] for z in (0.0, 2.0) for corner in outline.tolist()])
+    sides = [[i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i] for i in range(6)]
+    faces = [[1, 0, 5, 4, 3, 2], *sides, [8, 9, 10, 11, 6, 7]]
+    rows = [" ".join(f"7 {i}" for i in face) for face in faces]  # the vertices have the second offset
+    if form == "polylist":
+        lists = f"<vcount>{' '.join(str(len(face)) for face in faces)}</vcount><p>{' '.join(rows)}</p>"
+    else:
+        lists = "".join(f"<p>{row}</p>" for row in rows)
+    text = dae(Mesh(corners, block.faces)).decode()
+    head, rest = text.split("<triangles")
+    inputs = '<input semantic="NORMAL" source="#p" offset="0"/><input semantic="VERTEX" source="#v" offset="1"/>'
+    polygons = f'<{form} count="{len(faces)}" material="ms">{inputs}{lists}</{form}>'
+    (tmp_path / "a.dae").write_text(head + polygons + rest.split("</triangles>")[1])
+    (part,) = read_mesh(tmp_path / "a.dae")
+    assert part.color == pytest.approx((1.0, 0.2, 0.0, 1.0))
+    a, b, c = part.mesh.vertices[part.mesh.faces].swapaxes(0, 1)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(10.0)
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0 == pytest.approx(2.0 * 5.0 + 2.0 * 12.0)
+
+
 def test_faces_of_an_obj_that_cross_themselves_are_triangulated(tmp_path: Path) -> None:
     head = "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nv 3 1 0\n"
     for face in ("1 2 3 4", "1 2 3 4 5", "1 3 2 2 4", "5 3 1 2 4"):
