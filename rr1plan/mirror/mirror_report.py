@@ -79,7 +79,7 @@ class MirrorReport(Value):
             over restarts [s].
         faults: Number of faults of the stream of each kind.
         contacts: Number of messages with each pair of elements in forbidden contact.
-        unmeasured: Joints that no message had; without them there is no state.
+        unmeasured: Joints that no message had with finite positions; without them there is no state.
         unchecked_links: Links ("arm/link") that the corridor does not check because they have no collision shape.
     """
 
@@ -107,7 +107,8 @@ class MirrorReport(Value):
             f"{counted(self.messages, 'message')}, {self.rate:.1f}/s, delay {typical:.1f} ms, at most {longest:.1f} ms"
         )
         if self.max_deviation and not self.messages:
-            lacking = f": no message had {', '.join(self.unmeasured)}" if self.unmeasured else ""
+            what = "finite positions of " if "finite" in self.faults else ""
+            lacking = f": no message had {what}{', '.join(self.unmeasured)}" if self.unmeasured else ""
             text += f"\nnothing was compared with the plan{lacking}"
         elif self.max_deviation:
             name = max(self.max_deviation, key=lambda joint: self.max_deviation[joint])

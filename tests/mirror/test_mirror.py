@@ -55,6 +55,13 @@ def test_a_stream_without_a_usable_message_is_not_called_safe(scene: rp.Scene, p
     assert f"unknown joint {first + 'x'!r} in the message of 0.000 s. Did you mean {first!r}?" in str(mirror.events[0])
 
 
+def test_positions_that_are_never_finite_are_not_called_missing(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    with rp.Mirror(scene, plan) as mirror:
+        report = mirror.run([replace(message, positions=np.full(6, np.nan)) for message in messages(plan)])
+    said = f"nothing was compared with the plan: no message had finite positions of {', '.join(plan.joint_names)}"
+    assert said in str(report)
+
+
 def test_links_without_a_collision_shape_are_named(scene: rp.Scene, plan: rp.Trajectory) -> None:
     robot = scene.arms["rr1"].robot
     hand = robot.link("hand_link")
