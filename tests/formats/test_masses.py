@@ -97,6 +97,16 @@ def test_a_replay_says_that_masses_are_estimated(tmp_path: Path) -> None:
     assert "estimated" not in str(rp.simulate(trajectory, scene, mode="kinematic"))
 
 
+@pytest.mark.parametrize(("ixx", "is_impossible"), [(2.1, True), (2.01, False), (1.0, False)])
+def test_a_replay_names_links_with_inertias_that_no_body_has(tmp_path: Path, ixx: float, is_impossible: bool) -> None:
+    """The other two moments are 1 kg m²; those of a flat body may be rounded."""
+    robot = arm(tmp_path, SOLID + INERTIAL.format(2, 1), SOLID + INERTIAL.format(3, ixx))
+    scene = rp.Scene().with_arm("arm", robot)
+    trajectory = rp.plan_motion(rp.Problem(scene, "home", [0.2, -0.1]), rng=0).trajectory
+    said = "moments of inertia that no body has, one reduced to the sum of the others: arm/l1"
+    assert (said in str(rp.simulate(trajectory, scene))) == is_impossible
+
+
 def test_joints_that_carry_nothing_are_tracked_and_named(tmp_path: Path) -> None:
     robot = arm(tmp_path, SOLID + INERTIAL.format(2, 1), "", "")
     scene = rp.Scene().with_arm("arm", robot)

@@ -40,6 +40,8 @@ _LEAST_MOMENT, _LEAST_SHARE = 1e-12, 4e-5
 # Nor a largest moment above the sum of the others, to which that of a flat body is equal; this share of the sum remains
 # below it in MJCF files, which have six digits.
 _LARGEST_MOMENT = 1.0 - 2e-5
+# Moments of flat bodies with few digits may exceed the sum of the others by this factor.
+_ROUNDED_MOMENT = 1.01
 # Smallest inertia for the gains of a servo, also the motor inertia of massless joints; a joint that carries less than
 # the second value counts as massless [kg m² or kg].
 _LEAST_CARRIED = 1e-4
@@ -377,6 +379,12 @@ def _body_name(element: str) -> str:
 def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
     """The obstacles with a mass, by name."""
     return {name: thing for name, thing in scene.obstacles.items() if thing.mass is not None}
+
+
+def is_possible(inertial: Inertial) -> bool:
+    """Whether some body has its moments of inertia: none exceeds the sum of the others by more than rounding."""
+    moments = np.linalg.eigvalsh(inertial.inertia)
+    return bool(moments[2] <= _ROUNDED_MOMENT * (moments[0] + moments[1]))
 
 
 def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
