@@ -29,6 +29,7 @@ from rr1plan.errors import InputError
 from rr1plan.notebook_view import NotebookView
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
+from rr1plan.scene.scene_elements import unchecked
 from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_quaternion, unit_quaternion
 
 _GOALS = "a goal mapping from arm to goal, such as dict(zip(scene.arms, goals, strict=True)) or scene.split(q)"
@@ -255,7 +256,8 @@ class Problem(Value, NotebookView):
         Raises:
             InputError: negative or not finite.
         """
-        return _unchecked(self.scene, self.start, self.goal, self.arms, number_from_zero("margin", distance))
+        kept = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return unchecked(Problem, **kept | {"margin": number_from_zero("margin", distance)})
 
     def in_scene(self, scene: Scene) -> Problem:
         """The same problem in another scene; joint values are matched by joint name.
@@ -290,17 +292,7 @@ def subproblem(problem: Problem, arms: tuple[str, ...], scene: Scene) -> Problem
     """
     start = np.concatenate([problem.start[problem.columns[name]] for name in arms])
     goal = MappingProxyType({name: problem.goal[name] for name in arms})
-    return _unchecked(scene, read_only(start), goal, arms, 0.0)
-
-
-def _unchecked(
-    scene: Scene, start: Array, goal: Mapping[str, tuple[Goal, ...]], arms: tuple[str, ...], margin: float
-) -> Problem:
-    """A problem of values that are known to be valid."""
-    problem = object.__new__(Problem)
-    for name, value in (("scene", scene), ("start", start), ("goal", goal), ("arms", arms), ("margin", margin)):
-        object.__setattr__(problem, name, value)
-    return problem
+    return unchecked(Problem, scene=scene, start=read_only(start), goal=goal, arms=arms, margin=0.0)
 
 
 def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from rr1plan.checks import check_text, finite_number, items_of, known_name, of_k
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene.scene_content import SceneContent
-from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, moved_arm, pair, posed_shapes
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, moved_arm, pair, posed_shapes, unchecked
 from rr1plan.shapes import Color, HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 
@@ -268,10 +268,9 @@ def with_fewer(scene: Scene, **parts: Any) -> Scene:
         scene: The scene.
         **parts: `arms`, `obstacles` or `attachments`, by name; the others are kept.
     """
-    fewer = object.__new__(type(scene))  # all its parts were checked with the scene
-    for name in scene.__dataclass_fields__:
-        given = MappingProxyType(dict(parts[name])) if name in parts else getattr(scene, name)
-        object.__setattr__(fewer, name, given)
+    kept = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
+    # All its parts were checked with the scene.
+    fewer = unchecked(type(scene), **kept | {name: MappingProxyType(dict(part)) for name, part in parts.items()})
     if not scene.allowed and not scene.pair_padding:
         return fewer
     names = {*fewer.element_names, *fewer.arms}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -17,6 +17,7 @@ from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import as_pose, identity
 
 Pair = frozenset[str]
+_Kind = TypeVar("_Kind")
 # Largest friction coefficient; rubber has about one, and MuJoCo's squares of much larger ones overflow.
 _MOST_FRICTION = 1e6
 
@@ -42,6 +43,14 @@ class Arm(Value):
         object.__setattr__(self, "q", robot.configuration(q, "arm configuration"))
 
 
+def unchecked(kind: type[_Kind], **fields: Any) -> _Kind:
+    """An immutable value of fields that are known to be valid, without the checks of its class."""
+    made = object.__new__(kind)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
 def moved_arm(arm: Arm, q: str | ArrayLike) -> Arm:
     """The arm in another configuration: its name, or numbers [rad or m], shape (nq,).
 
@@ -49,11 +58,7 @@ def moved_arm(arm: Arm, q: str | ArrayLike) -> Arm:
         UnknownNameError: no configuration of that name.
         InputError: numbers that do not fit the arm.
     """
-    other = object.__new__(Arm)
-    object.__setattr__(other, "robot", arm.robot)
-    object.__setattr__(other, "base", arm.base)  # known to be a pose
-    object.__setattr__(other, "q", arm.robot.configuration(q, "arm configuration"))
-    return other
+    return unchecked(Arm, robot=arm.robot, base=arm.base, q=arm.robot.configuration(q, "arm configuration"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
