@@ -30,6 +30,9 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
 _KINDS = {stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
 
+# What a clone of a repository without Git LFS has in place of large files, such as meshes.
+_LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+
 
 def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
     """The content of a regular file, decompressed if its name ends in ".gz".
@@ -40,7 +43,7 @@ def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
 
     Raises:
         InputError: not a file name.
-        FormatError: not there, not a regular file, not readable, too large, or a damaged archive.
+        FormatError: not there, not a regular file, not readable, too large, a damaged archive, or a pointer of Git LFS.
     """
     path = file_path(file)
     try:
@@ -54,6 +57,8 @@ def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
         raise FormatError(f"cannot be read: {getattr(error, 'strerror', None) or error}", path) from error
     if max(size, len(data)) > max_bytes:
         raise FormatError(f"is larger than {max_bytes} bytes, the most that is read", path)
+    if data.startswith(_LFS_POINTER):
+        raise FormatError("is a pointer of Git LFS in place of the file: fetch the file by 'git lfs pull'", path)
     return data
 
 

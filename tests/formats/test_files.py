@@ -154,3 +154,21 @@ def test_an_archive_is_no_place_to_run_from(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(model_library, "_PACKAGE", tmp_path / "rr1plan.zip" / "rr1plan")
     with pytest.raises(rp.InstallationError, match=r"folder of models .* is missing"):
         rp.load_scene("rr1_table")
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("hand.stl", rp.load_mesh),
+        ("hand.dae", rp.load_mesh),
+        ("scan.pcd", rp.load_point_cloud),
+        ("arm.urdf", rp.load_robot),
+        ("cell.toml", rp.load_scene),
+        ("motion.json", rp.load_motion),
+    ],
+)
+def test_a_pointer_of_git_lfs_is_recognized(tmp_path: Path, name: str, read: Callable[[Path], Any]) -> None:
+    pointer = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'4d7a2146' * 8}\nsize 12345\n"
+    (tmp_path / name).write_text(pointer)
+    with pytest.raises(rp.FormatError, match=rf"{name}: is a pointer of Git LFS .*: fetch the file by 'git lfs pull'"):
+        read(tmp_path / name)
