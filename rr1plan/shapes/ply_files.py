@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rr1plan.errors import FormatError
 from rr1plan.shapes.concave_faces import concave_triangles
 
 MAX_COLUMNS = 1000
@@ -106,7 +107,7 @@ def with_triangles(data: bytes, file: Path) -> bytes:
         file: Its file, for messages.
 
     Raises:
-        FormatError: too many corners in concave faces.
+        FormatError: too many corners in concave faces, or text that was cut off.
     """
     try:
         order, elements, body = ply_header(data)
@@ -122,6 +123,8 @@ def with_triangles(data: bytes, file: Path) -> bytes:
         else:
             lines = body.splitlines(keepends=True)
             kept, rows = b"".join(lines[: vertex.rows]), list(_text_faces(face, lines[vertex.rows :]))
+    except EOFError as error:
+        raise FormatError("was cut off: it has fewer faces than its header says", file) from error
     except (ValueError, LookupError, struct.error):
         return data
     faces = [corners for _, corners in rows]
@@ -156,14 +159,19 @@ def _are_triangles(face: PlyElement, order: str, body: bytes) -> bool:
 
 
 def _text_faces(face: PlyElement, lines: list[bytes]) -> Iterator[tuple[bytes, list[int]]]:
-    """The corners of each face of a PLY in text, and its columns that are not lists."""
-    for k in range(face.rows):
-        words, others, corners = iter(lines[k].split()), b"", []
+    """The corners of each face of a PLY in text, and its columns that are not lists; EOFError if some are missing."""
+    if len(lines) < face.rows:
+        raise EOFError
+    for line in lines[: face.rows]:
+        words, others, corners = iter(line.split()), b"", []
         for name, kinds in face.columns.items():
             if len(kinds) == 1:
                 others += next(words, b"") + b" "
                 continue
-            entries = list(islice(words, int(next(words, b""))))
+            count = int(next(words, b""))
+            entries = list(islice(words, count))
+            if len(entries) < count:
+                raise EOFError
             if name in _CORNERS:
                 corners = [int(entry) for entry in entries]
         yield others, corners

@@ -339,6 +339,14 @@ def test_a_ply_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, block
         load_mesh(file)
 
 
+@pytest.mark.parametrize("cut", [4, 20])
+def test_a_ply_in_text_that_was_cut_off_is_refused(tmp_path: Path, block: Mesh, cut: int) -> None:
+    """Within a line, or after one."""
+    (tmp_path / "cut.ply").write_bytes(ply(block, "ascii").rstrip()[:-cut])
+    with pytest.raises(FormatError, match=r"cut\.ply: was cut off: it has fewer faces than its header says"):
+        read_mesh(tmp_path / "cut.ply")
+
+
 def test_a_cut_stl_is_refused(tmp_path: Path, block: Mesh) -> None:
     (tmp_path / "cut.stl").write_bytes(binary_stl(block)[:-70])
     with pytest.raises(FormatError, match=r"cut\.stl: .*of 12 triangles, .* has 684 bytes, but it has 614"):
