@@ -25,6 +25,8 @@ _KINDS: dict[str, JointKind] = {
     "floating": "fixed",
     "planar": "fixed",
 }
+# Faster than any joint; exporters write the largest float for a joint without a limit [rad/s or m/s].
+_FASTEST = 1e4
 
 
 def read_joint(element: Element) -> Joint:
@@ -141,13 +143,16 @@ def _axis(element: Element, name: str) -> Array:
 
 
 def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, float, float]:
-    """Lower, upper, velocity and effort; files use 0 for an unknown velocity, and 0 or -1 for an unknown effort."""
+    """Lower, upper, velocity and effort; unknown velocities are 0 or huge in files, unknown efforts 0 or -1."""
     limit = element.child("limit")
     if limit is None:
         if kind != "continuous":
             raise element.error(f"{kind} joint {name!r} has no <limit>; add lower, upper, velocity and effort")
         return -np.inf, np.inf, np.inf, np.inf
     velocity = _rate(limit, name, "velocity")
+    if _FASTEST < velocity < np.inf:
+        log.warning("%s:%d: joint %r has velocity %g, it is taken as unknown", *limit.at, name, velocity)
+        velocity = np.inf
     effort = limit.number("effort", np.inf)
     if effort < 0.0:
         log.warning("%s:%d: joint %r has effort %g, it is taken as unknown: no limit", *limit.at, name, effort)

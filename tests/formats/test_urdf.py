@@ -319,10 +319,11 @@ def test_an_effort_below_zero_is_unknown_with_a_warning(caplog: pytest.LogCaptur
     assert "joint 'j' has effort -1, it is taken as unknown" in caplog.text
 
 
-def test_a_velocity_of_zero_is_unknown_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
-    joint = read_urdf(one_joint('<limit lower="-1" upper="1" velocity="0" effort="1"/>')).joints[0]
+@pytest.mark.parametrize("velocity", ["0", "1e+16", "3.40282e+38", "1.7976931348623157e+308"])
+def test_a_velocity_of_zero_or_beyond_any_joint_is_unknown(velocity: str, caplog: pytest.LogCaptureFixture) -> None:
+    joint = read_urdf(one_joint(f'<limit lower="-1" upper="1" velocity="{velocity}" effort="1"/>')).joints[0]
     assert joint.velocity == np.inf
-    assert "joint 'j' has velocity 0, it is taken as unknown" in caplog.text
+    assert f"joint 'j' has velocity {float(velocity):g}, it is taken as unknown" in caplog.text
 
 
 def test_elements_that_do_not_describe_the_arm_are_skipped() -> None:
