@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 
 import numpy as np
 
@@ -21,6 +22,8 @@ log = logging.getLogger(__name__)
 
 # Moments within this fraction of the largest one from zero are rounded zeros.
 _ROUNDING = 1e-9
+# Larger radii of gyration are due to other units [m].
+_WIDEST_GYRATION = 10.0
 _SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 
 
@@ -207,6 +210,12 @@ def _inertial(element: Element, link: str) -> Inertial | None:
         inertia = np.zeros((3, 3))
     elif moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
         log.warning("%s:%d: link %r has an inertia no body can have: %s", *tensor.at, link, moments.tolist())
+    radius = math.sqrt(float(np.linalg.norm(inertia, 2)) / mass)
+    if radius > _WIDEST_GYRATION:
+        text = (
+            "%s:%d: link %r of %g kg has a radius of gyration of %.3g m; if its inertia is in kg mm², scale it by 1e-6"
+        )
+        log.warning(text, *tensor.at, link, mass, radius)
     R = pose[:3, :3]
     inertial = Inertial(mass, read_only(pose[:3, 3].copy()), read_only(R @ inertia @ R.T))
     try:

@@ -276,6 +276,15 @@ def test_an_inertia_that_is_not_definite_makes_the_link_a_point(text: str, caplo
     assert "not positive definite" in caplog.text
 
 
+@pytest.mark.parametrize(("moment", "is_said"), [(8000.0, True), (0.004, False)])
+def test_an_inertia_in_square_millimeters_is_said(
+    moment: float, is_said: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    read_urdf(one_mass(moments=(moment, moment, moment)))
+    said = "link 'a' of 1 kg has a radius of gyration of 89.4 m; if its inertia is in kg mm², scale it by 1e-6"
+    assert (said in caplog.text) == is_said
+
+
 @pytest.mark.parametrize("rgba", ["255 0 0 1", "0.5 0.5 0.5 0 1", "red"])
 def test_a_color_that_is_none_is_logged(rgba: str, caplog: pytest.LogCaptureFixture) -> None:
     material = f'<material name="m"><color rgba="{rgba}"/></material>'
