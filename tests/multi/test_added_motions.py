@@ -536,6 +536,22 @@ def test_iterations_end_a_search_without_a_limit_of_time(planar2r: rp.Robot) -> 
     assert added.reason
 
 
+def test_iterations_limit_how_often_others_step_aside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm that can hardly move is in the way of one that cannot turn past it."""
+    robot = rp.load_robot("planar2r_limited")
+    pinned = robot.with_limits(replace(robot.limits, lower=np.full(2, -0.05), upper=np.full(2, 0.05)))
+    scene = rp.Scene().with_arm("free", robot).with_arm("pinned", pinned, pose([2.4, 0, 0], rpy=[0, 0, np.pi]))
+    plan = _at_rest(scene, {"free": [0.8, 0.3], "pinned": [0.0, 0.0]})
+    budget, drawn = rp.Budget(seconds=math.inf, iterations=1), []
+    for most in (added_motions._STEPS_ASIDE, 1):
+        monkeypatch.setattr(added_motions, "_STEPS_ASIDE", most)
+        rng = np.random.default_rng(0)
+        added = rp.add_motion(plan, "free", [-0.8, 0.0], at=0.5, budget=budget, rng=rng)
+        assert added.blocked_by == ("pinned",)
+        drawn.append(rng.random())
+    assert drawn[0] == drawn[1]
+
+
 def test_a_tool_reaches_another_one_if_any_of_its_orientations_leaves_room(rr1: rp.Robot) -> None:
     """The first few configurations touch the other arm at its goal."""
     scene = rp.Scene().with_arm("left", rr1, pose([-0.3, 0.0, 0.0], rpy=[0.0, 0.0, np.pi]))

@@ -114,7 +114,8 @@ def add_motion(
         at: The time of the plan at which the goal is given [s].
         freeze: Time after `at` during which nothing changes [s].
         budget: Time budget (default: `freeze`, but at least 0.1 s); a part of it is reserved for the referee. Only its
-            seconds are used, unless they are infinite.
+            seconds are used, unless they are infinite: then its iterations limit the searches as in `plan_many_arms`,
+            and how often others step aside.
         rng: Seed; unless time runs out, the same seed gives the same motion.
 
     Returns:
@@ -238,7 +239,7 @@ class _Change:
                 if changed is not None:
                     return changed
         self._attempt.blockers.update(in_the_way)
-        for _ in range(_STEPS_ASIDE):
+        for _ in range(int(min(_STEPS_ASIDE, self._watch.rounds))):
             for victim in in_the_way:
                 if not self._search.has_time():
                     return None
