@@ -80,6 +80,14 @@ def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
     return next(schedule for schedule in motion.many_arms.separated.schedules if arm in schedule.arms)
 
 
+def kept_margin(motion: MotionPlan) -> float:
+    """The margin of a plan [m]; for many arms, whose pairs have different margins, the smallest clearance."""
+    if motion.many_arms is None:
+        return motion.margin
+    margins = motion.report.margins
+    return min((margins[name].value for name in ("clearance", "self_clearance") if name in margins), default=math.inf)
+
+
 def say_many(motion: MotionPlan, console: Console) -> None:
     """Print the summary of a plan of many arms: makespan, groups, waits."""
     many = motion.many_arms

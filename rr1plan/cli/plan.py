@@ -8,7 +8,14 @@ from dataclasses import replace
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, progress_callback
-from rr1plan.cli.many_arms_output import check_many_arms_options, draw_figures, many_values, say_groups, say_many
+from rr1plan.cli.many_arms_output import (
+    check_many_arms_options,
+    draw_figures,
+    kept_margin,
+    many_values,
+    say_groups,
+    say_many,
+)
 from rr1plan.cli.scene_options import check_scene_name, chosen_problem, page_options, with_limits
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
@@ -53,9 +60,9 @@ def plan(options: Namespace, console: Console) -> int:
             files = _save(motion, options, look, console)
     motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
-    if options.margin is not None and motion.many_arms is None and motion.margin < options.margin:
-        kept, wanted = 1e3 * motion.margin, 1e3 * options.margin
-        console.say(f"margin: {kept:.3g} mm kept, not {wanted:.4g} mm, because there is too little room")
+    if options.margin is not None and (kept := kept_margin(motion)) < options.margin:
+        wanted = 1e3 * options.margin
+        console.say(f"margin: {1e3 * kept:.3g} mm kept, not {wanted:.4g} mm, because there is too little room")
     say_many(motion, console)
     for kind, file in files.items():
         console.say(f"{kind}: {file}")

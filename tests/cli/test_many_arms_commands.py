@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,13 @@ def test_a_plan_of_many_arms_says_what_was_done_and_draws_it(cell: Path, capsys:
         assert name in said
         assert Path(name).stat().st_size > 1000
     assert "panel-timeline" in Path("page.html").read_text()
+
+
+def test_a_margin_that_many_arms_do_not_keep_is_said(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", str(cell), "--margin", "0.2"]) == OK
+    assert re.search(r"^margin: \S+ mm kept, not 200 mm, because", capsys.readouterr().out, re.MULTILINE)
+    assert run(["plan", str(cell), "--margin", "0.001"]) == OK
+    assert "mm kept" not in capsys.readouterr().out
 
 
 def test_a_plan_of_many_arms_is_one_json_value(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
