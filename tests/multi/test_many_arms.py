@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,22 @@ def test_plans_are_safe_and_start_and_end_where_they_have_to(name: str, rr1: rp.
     assert result.quality.path_length == pytest.approx(sum(lengths), rel=1e-4)
     assert {arm for group in result.groups for arm in group.arms} == set(problem.arms)
     assert all(group.stage for group in result.groups)
+
+
+def test_an_arm_without_collision_shapes_is_in_nobodys_way(planar2r: rp.Robot, assert_safe: Check) -> None:
+    bare = replace(planar2r, links=[replace(link, collisions=()) for link in planar2r.links])
+    scene = rp.Scene().with_arm("bare", bare).with_arm("also_bare", bare).with_arm("solid", planar2r, [2.4, 0.0, 0.0])
+    goal = {"bare": [0.5, 0.5], "also_bare": [-0.5, 0.5], "solid": [2.0, 0.5]}
+    problem = rp.Problem(scene, {arm: [0.1, 0.2] for arm in goal}, goal)
+    result = plan_many_arms(problem, rng=0, budget=_BUDGET)
+    assert_safe(problem, result, 20)
+    plan: rp.ManyArmsResult | rp.RunningPlan = result
+    for arm in goal:
+        added = rp.add_motion(plan, arm, [0.1, 0.2], at=0.2, budget=_BUDGET, rng=0)
+        assert added.blocked_by == ()
+        plan = added.plan
+    assert not rp.plan_graph(result).dependencies
+    assert not rp.plan_graph(plan).dependencies
 
 
 @pytest.mark.parametrize("kinds", [("RP", "RP"), ("RR", "RP"), ("PR", "RP")])

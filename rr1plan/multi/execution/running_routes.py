@@ -66,12 +66,15 @@ class RunningRoute:
 
     @cached_property
     def boxes(self) -> Array:
-        """Low and high corner of a box around the swept volume of each path [m], shape (parts, 6)."""
+        """Low and high corner of a box around the swept volume of each path [m], shape (parts, 6).
+
+        Without bodies, the low corners are at infinity and the high ones at minus infinity.
+        """
         found = np.empty((len(self.parts), 6))
         for box, part in zip(found, self.parts, strict=True):
             bodies = part.path.boxes
             part.path.release()
-            box[:] = *bodies[:, :3].min(axis=0), *bodies[:, 3:].max(axis=0)
+            box[:] = *bodies[:, :3].min(axis=0, initial=np.inf), *bodies[:, 3:].max(axis=0, initial=-np.inf)
         return found
 
 

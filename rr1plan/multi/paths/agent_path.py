@@ -376,8 +376,8 @@ class AgentPath:
         bodies = len(self.agent.bodies.elements)
         used = targets["is_empty"] == 0
         used[1 : targets["is_empty"].shape[0] // 2 - 1] = False  # all nodes except leaves and ends
-        centers = targets["centers"].reshape(-1, bodies, 3)[used]
-        reach = targets["travel"].reshape(-1, bodies)[used] + self.agent.bodies.tables.body_values[:, 15]
+        centers = targets["centers"].reshape(len(used), bodies, 3)[used]
+        reach = targets["travel"].reshape(len(used), bodies)[used] + self.agent.bodies.tables.body_values[:, 15]
         low, high = centers - reach[..., None], centers + reach[..., None]
         return np.concatenate([low.min(axis=0), high.max(axis=0)], axis=1)
 

@@ -81,6 +81,8 @@ def _blocked_cells(
 ) -> Blocked:
     """See `rr1_coordinate_paths`; `sums` is its argument `wanted`."""
     blocked = np.zeros((placed.value.cell_count, other.value.cell_count), np.uint8)
+    if pairs.value.group_pair_count == 0:  # the kernel needs at least one body of each agent
+        return blocked
     directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
     open_pairs = np.empty(pairs.value.group_pair_count, np.int64)
     load_library().rr1_coordinate_paths(placed, other, pairs, directions, open_pairs, stop, sums, blocked)
@@ -167,5 +169,5 @@ def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float, fixed: boo
         padding=padding,
         group_pairs=np.array(groups, np.int64).reshape(-1, 2),
         group_pair_count=len(groups),
-        max_padding=float(padding.max()),
+        max_padding=float(padding.max(initial=-np.inf)),
     )
