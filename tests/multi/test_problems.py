@@ -151,6 +151,14 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         handover_window(rr1, 0.10, 0, gap=0.001)
 
 
+def test_robots_too_small_for_a_cell_are_refused() -> None:
+    small = rp.planar_arm("RR", lengths=(0.05, 0.05), limits=[(-2.0, 2.0), (-2.0, 2.0)])
+    with pytest.raises(InputError, match=r"'planar_rr' reaches 0\.\d+ m, .* no room between boards; try a larger"):
+        shelf_rows(small)
+    with pytest.raises(InputError, match=r"width is 0.5 m, expected less than 0\.\d+ m for 'planar_rr'"):
+        handover_window(small, 0.5)
+
+
 def test_a_tool_that_cannot_reach_its_place_is_named(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """No other draw of levels helps an arm whose tool stays at one height."""
     starts: list[int] = []

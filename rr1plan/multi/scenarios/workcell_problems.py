@@ -39,6 +39,7 @@ _BLUE: Color = (0.29, 0.48, 0.65, 1.0)
 _THICK = 0.02  # of walls and boards [m]
 _BIN = (0.40, 0.30, 0.20)  # outer sides of the bin [m]
 _BELT = (0.30, 0.10)  # width and height of the conveyor [m]
+_ROOM = 0.08  # distance of tools from the boards of a shelf [m]
 _WINDOWS = (0.05, 1.0)  # allowed widths of windows [m]
 
 Sides = tuple[float, float, float]
@@ -103,6 +104,8 @@ def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap:
         raise InputError(f"width is {width:g} m, expected {_WINDOWS[0]:g} to {_WINDOWS[1]:g} m")
     far = horizontal_reach(robot)
     cell, middle = _Cell("hand-over", robot), 0.6 * far
+    if width >= 2.0 * middle:
+        raise InputError(f"width is {width:g} m, expected less than {2.0 * middle:.3g} m for {robot.name!r}")
     top, side = 1.6 * far, 2.0 * far
     above, below, beside = top - middle - 0.5 * width, middle - 0.5 * width, 0.5 * (side - width)
     cell.add_boxes(
@@ -216,6 +219,10 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
     cell = _Cell("shelf rows", robot)
     bays, pitch, deep = count // 2, 0.75 * far, 0.3 * far
     levels = [0.35 * far, 0.85 * far, 1.35 * far]
+    if levels[1] - levels[0] < 2.0 * _ROOM:
+        raise InputError(
+            f"{robot.name!r} reaches {far:.3g} m, which leaves its tool no room between boards; try a larger robot"
+        )
     long, tall = bays * pitch, levels[-1]
     boards = [((2.0 * deep, long, _THICK), (0.0, 0.0, z)) for z in levels]
     walls = [
@@ -232,7 +239,7 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
     def place(k: int, bay: int, level: int) -> ToolBox:
         side, middle = (-1.0, 1.0)[k % 2], (bay - 0.5 * (bays - 1)) * pitch
         near, deepest = sorted((0.55 * side * deep, side * deep))
-        low, high = levels[level] + 0.08, levels[level + 1] - 0.08
+        low, high = levels[level] + _ROOM, levels[level + 1] - _ROOM
         return ToolBox(pose((0.0, middle, 0.0)), (near, -0.3 * pitch, low), (deepest, 0.3 * pitch, high))
 
     # Other draws of levels and bays do not help a robot that reaches only one level.
