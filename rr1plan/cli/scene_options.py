@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
+from rr1plan.checks import known_name
 from rr1plan.errors import InputError
 from rr1plan.export.motion_files import is_motion_file
 from rr1plan.scene.model_library import installed_robot_names, load_problems, robot_names, scene_names
@@ -137,5 +138,6 @@ def with_limits(problem: Problem, preset: str) -> Problem:
     """The problem with every arm under a limit preset of its robot."""
     scene = problem.scene
     for name, arm in scene.arms.items():
+        known_name("limit preset", preset, arm.robot.presets, f"These are the presets of arm {name!r}.")
         scene = scene.with_robot(name, arm.robot.with_limits(preset))
     return problem.in_scene(scene)

@@ -43,6 +43,15 @@ def test_a_margin_that_many_arms_do_not_keep_is_said(cell: Path, capsys: pytest.
     assert "mm kept" not in capsys.readouterr().out
 
 
+def test_an_arm_without_a_limit_preset_is_named(
+    tmp_path: Path, rr1: rp.Robot, planar2r: rp.Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = rp.Scene().with_arm("one", rr1).with_arm("two", planar2r, [3.0, 0.0, 0.0])
+    file = rp.save_scene(tmp_path / "mixed.toml", scene, problems={"home": rp.Problem(scene, None, {"two": "home"})})
+    assert run(["plan", str(file), "--limits", "hardware"]) == BAD_INPUT
+    assert "unknown limit preset 'hardware'. Known: sim. These are the presets of arm 'two'" in capsys.readouterr().err
+
+
 def test_a_plan_of_many_arms_is_one_json_value(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plan", str(cell), "--json", "--timeline", "line.png"]) == OK
     value = json.loads(capsys.readouterr().out)
