@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
+from rr1plan.held_interrupts import interrupts_held
 from rr1plan.playback.viewer.page_document import unpack_array
 
 _SECTIONS = 32  # of cylinders, capsules and spheres
@@ -68,7 +69,8 @@ def shape_triangles(shape: Mapping[str, Any]) -> Triangles:
 
 @lru_cache(maxsize=256)
 def _box(size: tuple[float, ...]) -> Triangles:
-    import trimesh
+    with interrupts_held():
+        import trimesh
 
     box = trimesh.creation.box(size)
     return _with_normals(box.vertices, box.faces)
@@ -76,7 +78,8 @@ def _box(size: tuple[float, ...]) -> Triangles:
 
 @lru_cache(maxsize=256)
 def _round(kind: str, radius: float, length: float) -> Triangles:
-    import trimesh
+    with interrupts_held():
+        import trimesh
 
     if kind == "sphere":
         ball = trimesh.creation.uv_sphere(radius, count=(_SECTIONS // 2, _SECTIONS))
@@ -109,7 +112,8 @@ def _copies(solid: Triangles, centers: Array) -> Triangles:
 
 def _with_normals(vertices: Array, faces: NDArray[np.integer[Any]]) -> Triangles:
     """Triangles with normals: smooth where faces meet at small angles, with sharp edges elsewhere."""
-    import trimesh
+    with interrupts_held():
+        import trimesh
 
     mesh = trimesh.Trimesh(vertices, faces, process=True)  # merges equal vertices
     smooth = trimesh.graph.smooth_shade(mesh, angle=_SHARP)

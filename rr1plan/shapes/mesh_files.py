@@ -24,6 +24,7 @@ from rr1plan.checks import Array, file_path, finite_array, shown, true_or_false
 from rr1plan.errors import FormatError, InputError, reason_of
 from rr1plan.files.file_access import read_bytes
 from rr1plan.files.xml_reader import first_attributes
+from rr1plan.held_interrupts import interrupts_held
 from rr1plan.shapes import Color, Mesh
 from rr1plan.shapes.concave_faces import with_triangulated_faces
 from rr1plan.shapes.convex_hulls import convex_hull
@@ -190,7 +191,8 @@ def _binary_stl(data: bytes) -> list[Any]:
 
 def _load(file: Path, data: bytes, kind: str) -> list[Any]:
     """Trimesh's meshes of a file, placed."""
-    import trimesh
+    with interrupts_held():
+        import trimesh
 
     buffers = external_buffers(data, file) if file.suffix.lower() in GLTF else None
     if kind == "obj":

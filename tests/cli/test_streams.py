@@ -235,6 +235,16 @@ def test_ctrl_c_while_a_command_imports_the_simulator_is_one_line() -> None:
     assert (done.returncode, done.stderr) == (INTERRUPTED, "rr1plan: interrupted\n")
 
 
+def test_ctrl_c_while_a_command_imports_the_reader_of_meshes_is_not_lost(tmp_path: Path) -> None:
+    (tmp_path / "stone.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text('[arms.arm]\nrobot = "rr1"\n\n[obstacles.stone]\nmesh = "stone.obj"\nposition = [2, 0, 0]\n')
+    script = _INTERRUPTS_ITSELF.format(module="scipy.ndimage", handler="signal.default_int_handler")
+    command = [sys.executable, "-c", script, "plan", str(scene), "--goal", "ready"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (INTERRUPTED, "rr1plan: interrupted\n")
+
+
 def test_a_job_in_the_background_that_ignores_ctrl_c_goes_on() -> None:
     for module in ("rr1plan.cli", "numpy"):
         script = _INTERRUPTS_ITSELF.format(module=module, handler="signal.SIG_IGN")

@@ -9,7 +9,7 @@ from contextlib import contextmanager, nullcontext
 from typing import Generic, TypeVar
 
 from rr1plan.errors import InputError
-from rr1plan.playback.simulation.held_interrupts import HeldInterrupts
+from rr1plan.held_interrupts import HeldInterrupts
 from rr1plan.thread_locks import per_process
 
 # The simulation sleeps if it is ahead of real time by more than this [s].
@@ -36,6 +36,7 @@ class RunLoop(Generic[_T]):
         # Those that were registered when the last step ended.
         self._due: list[tuple[object, Callable[[_T], bool | None]]] = []
         self._pause = threading.Event()
+        # Interrupted in the middle of a step, controllers would be one step ahead of the joints, and records lack it.
         self._interrupts = HeldInterrupts()
         # Held during a run, by the thread `_runner`.
         self._turn = per_process(self, "_turn", threading.Lock)

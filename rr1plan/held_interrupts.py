@@ -1,4 +1,4 @@
-"""Ctrl-C while a simulation runs: it takes effect between two steps, so that the run can be continued."""
+"""Ctrl-C where it must not take effect at once: in a step of a simulation, or in imports that ignore it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ from typing import Self
 
 
 class HeldInterrupts:
-    """Holds back a Ctrl-C in the main thread while its `with` block is executed; a second one takes effect at once.
-
-    Interrupted in the middle of a step, controllers would be one step ahead of the joints, and records would lack it.
-    """
+    """Holds back a Ctrl-C in the main thread while its `with` block is executed; a second one takes effect at once."""
 
     def __init__(self) -> None:
         self._inside = False
@@ -54,3 +51,11 @@ class HeldInterrupts:
         held, self._held = self._held, None
         if held is not None and kind is None:
             self._handler(*held)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Context at whose end a Ctrl-C in the main thread takes effect, for imports of modules that catch all errors."""
+    held = HeldInterrupts()
+    with held.installed(), held:
+        yield
