@@ -63,7 +63,7 @@ def check_cells(tab: Any, scene: rp.Scene) -> CSpaceGrid:
         # The page rounds configurations and poses, so that a cell at a rim may be on its other side.
         assert ((bits >> k & 1).astype(bool) != expected).mean() < 1e-3, name
     shown = tab.page.locator("#panel-cspace .verdict").inner_text()
-    assert shown.startswith(f"{round(100 * (bits == 0).mean())}% of all configurations are free")
+    assert shown.startswith(f"{round(100 * (bits == 0).mean())} % of all configurations are free")
     return grid
 
 

@@ -75,7 +75,7 @@ def verdict(cspace: CSpaceQuery) -> str:
 def _answer(cspace: CSpaceQuery) -> str:
     grid = cspace.grid
     if cspace.start is None:
-        return f"{grid.free.mean():.0%} of all configurations are free, in {_parts(cspace)}."
+        return f"{100 * grid.free.mean():.0f} % of all configurations are free, in {_parts(cspace)}."
     if cspace.start_blocked_by:
         return f"The start is not free: {' and '.join(cspace.start_blocked_by)}."
     if cspace.found:

@@ -110,7 +110,7 @@ class LiveQuery {
     const { start, goals, labels } = this, cells = `${data.size.join(" × ")} cells`;
     if (!start) {
       const open = this.bits.reduce((sum, bits) => sum + (bits ? 0 : 1), 0), parts = new Set(labels).size - (open < labels.length ? 1 : 0);
-      return { verdict: `${Math.round((100 * open) / labels.length)}% of all configurations are free, in ${parts} component${parts === 1 ? "" : "s"} of free space.`, tone: "" };
+      return { verdict: `${Math.round((100 * open) / labels.length)} % of all configurations are free, in ${parts} component${parts === 1 ? "" : "s"} of free space.`, tone: "" };
     }
     if (answer && answer.status === "found") {
       const over = crossesSeam(answer.shortened.waypoints.values) ? "; the path leads over the seam" : "";

@@ -38,7 +38,7 @@ function drawUses() {
   pen.fillRect(left, top, width - left - 4, y(1) - top);
   pen.fillStyle = "#667080";
   pen.textAlign = "right";
-  for (const use of [0, 1, 2, 3].filter((value) => value <= high)) pen.fillText(`${100 * use}%`, left - 5, y(use) + 4);
+  for (const use of [0, 1, 2, 3].filter((value) => value <= high)) pen.fillText(`${100 * use} %`, left - 5, y(use) + 4);
   pen.textAlign = "left";
   pen.fillText(inSeconds(begin), left, height - 3);
   pen.textAlign = "right";
