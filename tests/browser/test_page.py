@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -236,6 +237,25 @@ def test_a_finger_can_set_the_time_on_a_phone(calm: Any) -> None:
     line, bar = (calm.page.locator(name).bounding_box() for name in ("#scrub", "#bar"))
     calm.resize(960, 640)
     assert line["width"] > 0.9 * bar["width"]
+
+
+@pytest.mark.parametrize(("width", "hidden"), [(390, []), (360, []), (320, ["speed", "loop"])])
+def test_a_phone_has_the_buttons_of_the_bar_side_by_side(calm: Any, width: int, hidden: list[str]) -> None:
+    calm.resize(width, 740)
+    calm.ask("RR1.setQ(RR1.q)")  # the clock then shows "by hand"
+    boxes = calm.ask("""() => [...document.querySelectorAll("#bar > :not(#line, #length)")]
+        .map((node) => ({ name: node.id || "help", ...node.getBoundingClientRect().toJSON() }))""")
+    bar = calm.page.locator("#bar").bounding_box()
+    shown = [box for box in boxes if box["width"]]
+    assert [box["name"] for box in boxes if not box["width"]] == hidden
+    for one, two in itertools.pairwise(shown):
+        assert one["right"] <= two["left"]
+    assert shown[-1]["right"] <= bar["x"] + bar["width"]
+    assert min(box["width"] for box in shown) >= 26
+    calm.page.click("#bar .help")
+    assert calm.page.locator("#help").is_visible()
+    calm.page.keyboard.press("Escape")
+    calm.resize(960, 640)
 
 
 def test_a_slider_of_a_joint_without_limits_stays_in_its_turn(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
