@@ -726,6 +726,34 @@ def test_the_card_of_edits_covers_neither_the_arms_nor_the_title_on_phones(calm:
         calm.ask("RR1.plots.toggle()")
 
 
+# The links that the title, the card of edits or the bar cover.
+COVERED = """() => {
+    const cards = [headline, editing, bar].map((node) => node.getBoundingClientRect());
+    return Object.entries(RR1.poses(RR1.q)).filter(([, T]) => {
+        const { x, y } = RR1.editing.picker.project({ x: T[12], y: T[13], z: T[14] });
+        return cards.some((r) => x > r.left && x < r.right && y > r.top && y < r.bottom);
+    }).map(([name]) => name);
+}"""
+
+
+def test_the_card_of_a_plan_covers_no_arm_in_a_low_window(calm: Any) -> None:
+    calm.resize(640, 360)
+    calm.page.keyboard.press("p")
+    wait_until(calm.page, "document.getElementById('answer').textContent.startsWith('Certified')")
+    calm.ask("RR1.pause()")
+    for t in (0.0, 0.5, 1.0):
+        calm.ask("t => RR1.seek(RR1.player.start + t * RR1.duration)", t)
+        frames(calm)
+        assert calm.ask(COVERED) == [], t
+
+
+def test_a_card_that_a_drag_opens_covers_no_arm_after_it_in_a_low_window(calm: Any) -> None:
+    calm.resize(640, 360)
+    drag(calm, grab_point(calm, "rr1/forearm_link"), (10, 5))
+    assert calm.page.locator("#editing").is_visible()
+    assert calm.ask(COVERED) == []
+
+
 def test_the_picture_is_framed_above_the_whole_card_of_edits(calm: Any) -> None:
     calm.ask("document.getElementById('readout').replaceChildren()")
     before, after = calm.ask("""async () => {

@@ -189,3 +189,39 @@ def test_a_time_line_of_one_arm_says_so(tab: Any, planar2r: rp.Robot, tmp_path: 
     assert tab.page.inner_text("#panel-timeline .said").startswith("1 arm, ")
     assert tab.ask("RR1.jointText(0, -0.5)") == "−28.6°"
     assert tab.complaints == []
+
+
+def test_the_picture_changes_only_after_the_drag_that_replaces_the_time_line(page: Any) -> None:
+    page.resize(640, 360)
+    page.ask("RR1.look()")
+    x, y = page.ask("""() => {
+        const { hands, picker } = RR1.editing, { width, height } = RR1.stage.pane.getBoundingClientRect(), found = [];
+        for (let x = 0; x < width; x += 4) for (let y = 0; y < height; y += 4) {
+            const thing = hands.thingAt(picker.at({ clientX: x, clientY: y }));
+            if (thing && thing.kind === "joint" && document.elementFromPoint(x, y).closest("#pane")) found.push([x, y]);
+        }
+        return found[found.length >> 1];
+    }""")
+    width = "RR1.stage.pane.clientWidth"
+    before = page.ask(width)
+    page.page.mouse.move(x, y)
+    page.page.mouse.down()
+    page.page.mouse.move(x + 8, y + 6, steps=3)
+    page.next_frames()
+    assert page.page.locator("#editing").is_visible()
+    assert page.ask(width) == before
+    page.page.mouse.up()
+    wait_until(page.page, f"{width} === 640")
+    page.next_frames()
+    heights = (
+        "Object.values(RR1.poses(RR1.q)).map((T) => RR1.editing.picker.project({ x: T[12], y: T[13], z: T[14] }).y)"
+    )
+    assert max(page.ask(heights)) < page.ask("editing.getBoundingClientRect().top")
+    # The next drag changes nothing any more.
+    box = page.page.locator(".handle.joint").bounding_box()
+    page.page.mouse.move(box["x"] + 15, box["y"] + 15)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + 20, box["y"] + 12, steps=3)
+    page.next_frames()
+    assert page.ask(width) == 640
+    page.page.mouse.up()

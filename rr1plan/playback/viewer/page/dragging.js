@@ -121,6 +121,8 @@ class Dragging {
       this.viewer.pause();
       this.editing.remember(null);
       this.editing.select(gesture.thing);
+      // The panels that the card replaces stay during the drag, or the picture would move away from the pointer.
+      document.body.classList.toggle("opening", !this.editing.isOpen);
       this.editing.open();
     }
     gesture.last = event;
@@ -158,7 +160,8 @@ class Dragging {
   end() {
     this.gesture = null;
     this.tell(null);
-    document.body.classList.remove("grabbing");
+    document.body.classList.remove("grabbing", "opening");
+    this.editing.card.uncoverArms();
   }
 
   choose(thing) {

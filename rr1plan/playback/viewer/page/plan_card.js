@@ -27,7 +27,7 @@ class PlanCard {
     }));
     this.acts.undo.setAttribute("aria-keyshortcuts", "Control+Z");
     find("acts").append(...Object.values(this.acts));
-    new ResizeObserver(() => this.makeRoom()).observe(find("editing"));
+    new ResizeObserver(() => { this.makeRoom(); this.uncoverArms(); }).observe(find("editing"));
   }
 
   load() {
@@ -51,6 +51,16 @@ class PlanCard {
   makeRoom() {
     const { isOpen } = this.editing;
     document.body.style.setProperty("--above", isOpen ? `${find("editing").offsetHeight + 10 * magnification()}px` : "0px");
+  }
+
+  /** Frames the picture again if a card covers the arms; otherwise it stays as it is. */
+  uncoverArms() {
+    const { viewer, editing } = this, [card, head] = ["editing", "headline"].map((id) => find(id).getBoundingClientRect());
+    const isCovered = ([x, y, z]) => {
+      const at = editing.picker.project({ x, y, z });
+      return (at.y > card.top && at.x > card.left && at.x < card.right) || (at.y < head.bottom && at.x < head.right);
+    };
+    if (editing.isOpen && viewer.extent.links.some(isCovered)) viewer.frame();
   }
 
   /** Shows the result of an action, as good, open or bad. */

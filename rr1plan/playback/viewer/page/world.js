@@ -455,7 +455,7 @@ class World {
 
   // ---- extent ------------------------------------------------------------------------------
 
-  /** Boxes in the world: `near`, the arms along the motion and their surroundings, and `whole`; and the points of near to frame. */
+  /** Boxes in the world: `near`, the arms along the motion and their surroundings, and `whole`; and balls: `links`, and all of near to frame. */
   extent(samples) {
     const arms = new THREE.Box3(), poses = new Float64Array(this.poses.length), point = new THREE.Vector3();
     const boxes = this.kinematics.arms.map(() => new THREE.Box3()), many = this.kinematics.arms.length > 12, links = [];
@@ -490,7 +490,7 @@ class World {
     whole.union(near);
     // The ground is at z = 0, unless all is far above it: then shadows fall on a floor below the lowest point.
     const ground = lowest > whole.getSize(new THREE.Vector3()).length() ? lowest : Math.min(0, lowest);
-    return { near, framed, whole, floor: this.floor ?? ground };
+    return { near, framed, links, whole, floor: this.floor ?? ground };
   }
 
   /** Corners of the boxes around the parts of arms at a configuration, as balls of radius zero; for many arms one box each. */
