@@ -754,6 +754,15 @@ def test_a_card_that_a_drag_opens_covers_no_arm_after_it_in_a_low_window(calm: A
     assert calm.ask(COVERED) == []
 
 
+def test_the_verdict_of_the_motion_is_whole_above_plots_and_the_card_of_edits(calm: Any) -> None:
+    calm.ask("document.getElementById('description').textContent = 'A description in two lines. '.repeat(3)")
+    calm.ask("RR1.editing.open(), RR1.plots.toggle()")
+    frames(calm)
+    badge, head = calm.ask("[badge, headline].map((node) => node.getBoundingClientRect().bottom)")
+    calm.ask("document.getElementById('description').textContent = RR1.document.description")
+    assert badge < head
+
+
 def test_the_picture_is_framed_above_the_whole_card_of_edits(calm: Any) -> None:
     calm.ask("document.getElementById('readout').replaceChildren()")
     before, after = calm.ask("""async () => {
