@@ -683,3 +683,14 @@ def test_two_fingers_zoom_the_workspace_and_leave_the_arm(calm: Any) -> None:
     touch("touchMove", spot, (other[0] + 30, other[1] + 30))
     np.testing.assert_array_equal(shown(calm), first)
     touch("touchEnd")
+
+
+def test_a_phone_can_fit_the_view_and_show_the_keys_without_a_motion(tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    tab.resize(390, 844)
+    tab.open(rp.cspace(scene, resolution=20).save_html(tmp_path / "page.html"), READY)
+    tab.page.click("#home")
+    assert tab.ask("RR1.framed") == "whole"
+    tab.page.click("#bar .help")
+    assert tab.page.locator("#help").is_visible()
+    assert tab.complaints == []
