@@ -39,7 +39,7 @@ _BLUE: Color = (0.29, 0.48, 0.65, 1.0)
 _THICK = 0.02  # of walls and boards [m]
 _BIN = (0.40, 0.30, 0.20)  # outer sides of the bin [m]
 _BELT = (0.30, 0.10)  # width and height of the conveyor [m]
-_ROOM = 0.08  # distance of tools from the boards of a shelf [m]
+_FROM_BOARDS = 0.08  # distance of tools from the boards of a shelf [m]
 _WINDOWS = (0.05, 1.0)  # allowed widths of windows [m]
 
 Sides = tuple[float, float, float]
@@ -219,7 +219,7 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
     cell = _Cell("shelf rows", robot)
     bays, pitch, deep = count // 2, 0.75 * far, 0.3 * far
     levels = [0.35 * far, 0.85 * far, 1.35 * far]
-    if levels[1] - levels[0] < 2.0 * _ROOM:
+    if levels[1] - levels[0] < 2.0 * _FROM_BOARDS:
         raise InputError(
             f"{robot.name!r} reaches {far:.3g} m, which leaves its tool no room between boards; try a larger robot"
         )
@@ -239,7 +239,7 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
     def place(k: int, bay: int, level: int) -> ToolBox:
         side, middle = (-1.0, 1.0)[k % 2], (bay - 0.5 * (bays - 1)) * pitch
         near, deepest = sorted((0.55 * side * deep, side * deep))
-        low, high = levels[level] + _ROOM, levels[level + 1] - _ROOM
+        low, high = levels[level] + _FROM_BOARDS, levels[level + 1] - _FROM_BOARDS
         return ToolBox(pose((0.0, middle, 0.0)), (near, -0.3 * pitch, low), (deepest, 0.3 * pitch, high))
 
     # Other draws of levels and bays do not help a robot that reaches only one level.
