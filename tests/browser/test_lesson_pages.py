@@ -76,17 +76,6 @@ def test_buttons_walk_too_and_end_at_the_ends(page: Any, lesson: rp.Lesson) -> N
 
 
 @pytest.mark.parametrize("lesson", ["kinematics"], indirect=True)
-def test_a_phone_can_fit_the_view_and_show_the_keys(page: Any) -> None:
-    page.resize(390, 844)
-    page.page.click("#home")
-    assert page.ask("RR1.framed") == "whole"
-    page.page.click("#panel-steps [data-help]")
-    assert page.page.locator("#help").is_visible()
-    page.page.keyboard.press("Escape")
-    page.ask("RR1.look()")
-
-
-@pytest.mark.parametrize("lesson", ["kinematics"], indirect=True)
 def test_the_address_names_the_step(tab: Any, page_file: Path) -> None:
     tab.open(f"{page_file.as_uri()}#step=3", READY)
     assert tab.ask("RR1.steps.index") == 2
