@@ -69,6 +69,8 @@ def ply_header(data: bytes) -> tuple[str, list[PlyElement], bytes]:
                 pass
             case ["element", name, number]:
                 elements.append(PlyElement(name, whole_number(number), {}))
+            case ["property", *_, name] if name in elements[-1].columns:
+                raise ValueError(f"it has two columns {name!r}")
             case ["property", kind, name]:
                 elements[-1].columns[name] = (kind,)
             case ["property", "list", size, kind, name]:
@@ -146,7 +148,7 @@ def with_triangles(data: bytes, file: Path) -> bytes:
 
 
 def _are_triangles(face: PlyElement, order: str, body: bytes) -> bool:
-    """Whether all lists of the faces of a binary PLY have three entries; fast, as it is so in most files."""
+    """Whether all lists of the faces of a binary PLY have three entries; a fast test, which most files pass."""
     columns: list[Any] = []
     for name, kinds in face.columns.items():
         formats = [order + _TYPES[kind] for kind in kinds]

@@ -247,6 +247,7 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
     "ply cut off": ("a.ply", ply("binary_little_endian")[:-40], "bytes, the header says"),
     "ply of lists": ("a.ply", ply("ascii").replace(b"uchar red", b"list uchar int red"), "vertex of numbers"),
     "ply of faces first": ("a.ply", ply("ascii").replace(b"element vertex", b"element face"), "vertex of numbers"),
+    "ply of equal names": ("a.ply", ply("ascii").replace(b"uchar red", b"uchar x"), "two columns 'x'"),
     "ply of another coding": ("a.ply", ply("ascii").replace(b"ascii", b"utf8"), "it has no 'utf8'"),
     "ply of another type": ("a.ply", ply("ascii").replace(b"float x", b"half x"), "it has no 'half'"),
     "ply of a property first": (

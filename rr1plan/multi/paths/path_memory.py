@@ -1,4 +1,4 @@
-"""The memory that bodies placed along paths take, up to megabytes for each path, is limited."""
+"""A limit of the memory of bodies placed along paths: megabytes for an arm, hundreds for a path of many arms."""
 
 from __future__ import annotations
 
