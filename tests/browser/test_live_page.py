@@ -192,7 +192,9 @@ def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
     viewer = rp.show(flat, options=rp.ViewOptions(port=0, quiet=True))
     viewer.on_slider(lambda joint, value: heard.put((joint, value)))
     notebook = tmp_path / "notebook.html"
-    notebook.write_text(f"<!DOCTYPE html><p>A notebook</p>{viewer._repr_html_()}")
+    # Not even the encoding is what the page expects.
+    header = "<!DOCTYPE html><meta charset=windows-1252><p>A notebook</p>"
+    notebook.write_text(f"{header}{viewer._repr_html_()}", encoding="utf-8")
     tab.page.goto(notebook.as_uri())
     frame = tab.page.frames[1]
     wait_until(frame, CONNECTED)

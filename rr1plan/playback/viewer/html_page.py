@@ -93,9 +93,13 @@ def _core_script() -> str:
 
 
 def embed_html(text: str, height: int = 600) -> str:
-    """A page in a sandboxed frame for notebooks, which browsers do not draw while it is scrolled out of view."""
+    """A page in a sandboxed frame for notebooks, which browsers do not draw while it is scrolled out of view.
+
+    All of it is ASCII, because the encoding of the document around it may be another one, or be guessed by the browser.
+    """
+    source = html.escape(text).encode("ascii", "xmlcharrefreplace").decode()
     style = f"width:100%;height:{int(height)}px;border:0;border-radius:8px"
-    return f'<iframe srcdoc="{html.escape(text)}" sandbox="allow-scripts allow-downloads" style="{style}"></iframe>'
+    return f'<iframe srcdoc="{source}" sandbox="allow-scripts allow-downloads" style="{style}"></iframe>'
 
 
 def json_for_html(value: object) -> str:
