@@ -110,18 +110,23 @@ static int64_t trace_motion(ArmReplan *search, int64_t vertex, double duration) 
     return count;
 }
 
-// Grow the tree until it reaches the goal. Returns the number of waypoints of the motion, 0 if there is none.
+// Grow the tree until it reaches the goal, from where the last call ended. Returns the number of waypoints of the motion,
+// 0 if there is none.
 static int64_t grow_timed_tree(ArmReplan *search, double duration, uint64_t *random, const SceneTables *scene,
                                Scratch *scratch) {
     const double *goal = goal_of(search);
-    int64_t width = search->width, size = 1;
+    int64_t width = search->width;
     double *q = search->memory + 2 * search->column_count;
-    copy_row(start_of(search), search->vertices, width);
-    search->reached[0] = 0.0;
-    search->parents[0] = -1;
-    if (timed_edge_is_free(search, search->vertices, 0.0, goal, duration, scene, scratch))
-        return trace_motion(search, 0, duration);
-    for (int64_t drawn = 0; drawn < search->samples; drawn++) {
+    if (search->size == 0) {
+        copy_row(start_of(search), search->vertices, width);
+        search->reached[0] = 0.0;
+        search->parents[0] = -1;
+        search->size = 1;
+        if (timed_edge_is_free(search, search->vertices, 0.0, goal, duration, scene, scratch))
+            return trace_motion(search, 0, duration);
+    }
+    for (; search->drawn < search->samples; search->drawn++) {
+        int64_t size = search->size;
         double time = draw_timed_sample(search, duration, random, q);
         int64_t parent = time > 0.0 ? best_vertex(search, size, q, time) : -1;
         if (parent < 0) continue;
@@ -135,7 +140,7 @@ static int64_t grow_timed_tree(ArmReplan *search, double duration, uint64_t *ran
         search->parents[size] = parent;
         if (timed_edge_is_free(search, to, time, goal, duration, scene, scratch))
             return trace_motion(search, size, duration);
-        size++;
+        search->size++;
     }
     return 0;
 }
@@ -185,7 +190,7 @@ static int64_t shorten_motion(ArmReplan *search, int64_t count, uint64_t *random
 
 // Search for a motion of the arm from its start to its goal in the time of the waypoints, and shorten it.
 //
-// Returns its number of waypoints in `knots`, 0 if none is found.
+// Returns its number of waypoints in `knots`, 0 if none is found; a call with more samples then goes on with the search.
 EXPORT int64_t rr1_replan_arm(ArmReplan *search, uint64_t *random, const SceneTables *scene, Scratch *scratch) {
     scratch->first_open_column = search->first_column;
     scratch->last_open_column = search->first_column + search->width;

@@ -16,7 +16,9 @@ typedef struct {
     const double *velocity;  // largest speeds of the arm, shape (width,)
     const double *lower;     // its position limits, shape (width,)
     const double *upper;
-    int64_t samples;   // to draw, at most
+    int64_t samples;   // to draw, at most, with those drawn before
+    int64_t drawn;     // samples drawn so far
+    int64_t size;      // vertices of the tree; 0 before the first call
     int64_t shortcuts;  // to try
     double *vertices;  // configurations of the arm, shape (samples + 1, width)
     double *reached;   // when the arm is there, shape (samples + 1,)

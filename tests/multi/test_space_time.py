@@ -85,6 +85,24 @@ def test_the_same_seed_gives_the_same_motion(planar2r: rp.Robot) -> None:
     assert one.tobytes() == two.tobytes()
 
 
+def test_a_long_search_looks_at_the_clock(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0)).with_arm("right", planar2r, (1.2, 0.0, 0.0))
+    # The right arm, which does not move, points at the left one's goal.
+    problem = rp.Problem(
+        scene, {"left": [-1.0, 0.0], "right": [np.pi, 0.0]}, {"left": [0.0, 0.0], "right": [np.pi, 0.0]}
+    )
+    agent, points = Agent(problem, problem.arms), np.stack([problem.start, goal_configuration(problem)])
+    checker, looks = CollisionChecker(scene, problem.arms), []
+
+    def goes_on() -> bool:
+        looks.append(None)
+        return len(looks) < 3
+
+    given = checker, np.array([0.0, 20.0]), points, agent.columns["left"], agent.limits, np.random.default_rng(0)
+    assert search_in_time(*given, samples=10_000, goes_on=goes_on) is None
+    assert len(looks) == 3
+
+
 def test_nothing_is_searched_after_the_deadline(planar2r: rp.Robot) -> None:
     assert _search(planar_ring(planar2r, 2), 0, 0.0).solve() is None
 

@@ -7,6 +7,8 @@ searched that takes no longer than a random duration in between.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,7 @@ from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.robot.joint_limits import Limits
 
 _SAMPLES = 60  # of a search
+_SAMPLES_AT_ONCE = 25  # 0.1 s among many arms with many solids
 _SHORTCUTS = 15  # of the motion that is found
 # A new motion takes at most this share of the present duration, or as long as the others or the arm alone need.
 _SAVING = 0.9
@@ -75,6 +78,7 @@ def search_in_time(
     *,
     samples: int,
     left_out: NDArray[np.uint8] | None = None,
+    goes_on: Callable[[], bool] = lambda: True,
 ) -> tuple[Array, Array] | None:
     """Search for a motion of one arm among others whose motions are given.
 
@@ -87,6 +91,7 @@ def search_in_time(
         rng: Source of random numbers.
         samples: Largest number of samples.
         left_out: 1 for columns of arms that are ignored, shape (nq,) (default: none).
+        goes_on: Whether time is left; called every few samples.
 
     Returns:
         Times [s], shape (m,), and waypoints of the arm at its velocity limits or slower, shape (m, width); None if no
@@ -106,7 +111,7 @@ def search_in_time(
         velocity=nominal_velocity(limits)[own].copy(),
         lower=limits.lower[own].copy(),
         upper=limits.upper[own].copy(),
-        samples=samples,
+        samples=min(samples, _SAMPLES_AT_ONCE),
         shortcuts=_SHORTCUTS,
         vertices=np.empty((samples + 1, width)),
         reached=np.empty(samples + 1),
@@ -115,5 +120,11 @@ def search_in_time(
         knot_times=knot_times,
         memory=np.empty(2 * (nq + width)),
     )
-    count = checker.run_edge_kernel(load_library().rr1_replan_arm, search, random_state(int(rng.integers(2**63))))
+    kernel, random = load_library().rr1_replan_arm, random_state(int(rng.integers(2**63)))
+    count = checker.run_edge_kernel(kernel, search, random)
+    for first in range(_SAMPLES_AT_ONCE, samples, _SAMPLES_AT_ONCE):
+        if count or not goes_on():
+            break
+        search.set(samples=min(samples, first + _SAMPLES_AT_ONCE))
+        count = checker.run_edge_kernel(kernel, search, random)
     return (knot_times[:count], knots[:count]) if count else None

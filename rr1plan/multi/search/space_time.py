@@ -86,7 +86,15 @@ class SpaceTimeSearch:
         left_out[columns[arm]] = 0
         points[-1, columns[arm]] = self._alone[arm].points[-1]
         found = search_in_time(
-            checker, times, points, columns[arm], agent.limits, self._rng, samples=_SAMPLES, left_out=left_out
+            checker,
+            times,
+            points,
+            columns[arm],
+            agent.limits,
+            self._rng,
+            samples=_SAMPLES,
+            left_out=left_out,
+            goes_on=self._watch.goes_on,
         )
         return None if found is None else Track(*found)
 
