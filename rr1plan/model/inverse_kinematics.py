@@ -162,7 +162,9 @@ def why_none(search: IkSearch, link: str, aim: str = "the goal") -> str:
     rng, nearest = np.random.default_rng(search.tried), search.nearest()
     position, orientation = errors_at(search.chain, search.target, nearest)
     at = ", ".join(f"{value:.4g}" for value in position_at(search.chain, nearest))
-    miss = f"{aim} is out of reach of {link}: the nearest it gets is {position:.4g} m away, at [{at}]"
+    # A position that is reached differs by rounding only.
+    distance = position if position > search.position_tolerance else 0.0
+    miss = f"{aim} is out of reach of {link}: the nearest it gets is {distance:.4g} m away, at [{at}]"
     if position > _LIKELY_MILLIMETERS:
         return f"{miss} {MILLIMETERS}"
     if search.target.rotation is None:

@@ -215,6 +215,12 @@ def test_an_unreachable_orientation_is_told_apart_from_an_unreachable_position(p
     assert "the position alone cannot be reached" in result.reason
 
 
+def test_a_position_that_is_reached_is_0_m_away(planar2r):
+    # Every orientation of the arm is half a turn from this one.
+    result = solve_ik(Kinematics(planar2r), PoseGoal("tool", [1.0, 0.5, 0.0], [0, 1, 0, 0]), rng=0)
+    assert "the nearest it gets is 0 m away, at [1, 0.5, 0], turned by 3.142 rad" in result.reason
+
+
 def test_a_pose_beyond_the_limits_names_the_joint_and_the_excess():
     robot = rp.load_robot("planar2r_limited")
     q = np.array([0.0, 2.8])
