@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     executions = [_execute(*task, each) for task in track(tasks, "delays")]
     executions = [answer for answer in executions if answer]
     belts = [_convey(count, args.goals, args.limit, args.seed) for count in track(args.conveyors, "conveyor")]
-    facts = {"start skew": f"{_SKEW} s", "slowdown": f"{_SLOWDOWN:.0%}", "limit": f"{args.limit:g} s"}
+    facts = {"start skew": f"{_SKEW} s", "slowdown": f"{100 * _SLOWDOWN:.0f} %", "limit": f"{args.limit:g} s"}
     text = [heading("Plans that run", facts), _execution_table(executions), _belt_table(belts)]
     save(args.out, "delays", {"executions": executions, "conveyors": belts}, "\n\n".join(text))
     return 0

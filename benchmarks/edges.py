@@ -56,7 +56,7 @@ def main() -> int:
         slow = _clock(_certify_exactly, kernel, lines)
         per = [1e6 * quick / done.configurations, *(1e6 * t / args.edges for t in (quick, slow))]
         times = " | ".join(f"{t:.3g}" for t in per)
-        print(f"| {name} | {times} | {exact.mean():.0%} | {done.exact_edges / args.edges:.1%} |")
+        print(f"| {name} | {times} | {100 * exact.mean():.0f} % | {100 * done.exact_edges / args.edges:.1f} % |")
     print("all results agree" if agree else "RESULTS DIFFER")
     return 0 if agree else 1
 
@@ -87,7 +87,7 @@ def _among_moving_arms(args: argparse.Namespace) -> int:
             1e6 * _clock(lambda t=timed, c=chosen: [t.edge_is_free(*edges[i]) for i in c]) / max(1, len(chosen))
             for chosen in (np.flatnonzero(free), np.flatnonzero(~free))
         ]
-        print(f"| {count} | {ready:.2g} | {taken[0]:.3g} | {taken[1]:.3g} | {free.mean():.0%} |")
+        print(f"| {count} | {ready:.2g} | {taken[0]:.3g} | {taken[1]:.3g} | {100 * free.mean():.0f} % |")
     return 0
 
 

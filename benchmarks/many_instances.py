@@ -267,7 +267,7 @@ def _tables(results: Sequence[Mapping[str, Any]], fit: Mapping[str, float]) -> l
     if fit:
         parts.append(
             f"A configuration takes {1e6 * fit['arm']:.3g} us for each arm and {1e6 * fit['pair']:.3g} us for each "
-            f"pair of arms that can meet; none of the figures is off by more than {fit['worst']:.0%}. "
+            f"pair of arms that can meet; none of the figures is off by more than {100 * fit['worst']:.0f} %. "
             f"It grows with the arms to the power of {fit['exponent']:.2f}."
         )
     return parts

@@ -170,8 +170,8 @@ def _row(result: dict[str, Any]) -> list[str]:
     pieces = result.get("pieces", {})
     count = str(pieces.get("count", "none" if "failed" in pieces else "-"))
     row = [result["mesh"], str(result["triangles"]), shown(result, "warm_up", 1e3), shown(result, "edge", 1e6)]
-    row += [f"{result['free']:.0%}", count, shown(pieces, "making"), shown(pieces, "edge", 1e6)]
-    row.append(f"{pieces['free']:.0%}" if "free" in pieces else "-")
+    row += [f"{100 * result['free']:.0f} %", count, shown(pieces, "making"), shown(pieces, "edge", 1e6)]
+    row.append(f"{100 * pieces['free']:.0f} %" if "free" in pieces else "-")
     return [*row, *(str(result.get(key, "-")) for key in ("samples", "contacts", "grazing", "different"))]
 
 

@@ -16,8 +16,8 @@ for method in ("blend", "stop", "ruckig"):
     acceleration = (np.abs(trajectory(times, 2)) / limits.acceleration).max()
     report = rp.validate(trajectory, scene, problem, jerk_limits=method == "ruckig")
     print(
-        f"{method:7s} {trajectory.duration:5.2f} s, uses {velocity:4.0%} of the velocity limit, "
-        f"{acceleration:4.0%} of the acceleration limit, valid: {report.valid}"
+        f"{method:7s} {trajectory.duration:5.2f} s, uses {100 * velocity:3.0f} % of the velocity limit, "
+        f"{100 * acceleration:3.0f} % of the acceleration limit, valid: {report.valid}"
     )
 
 # The real arm is far slower than the simulated one: the preset has its limits.

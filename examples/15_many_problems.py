@@ -6,7 +6,7 @@ import rr1plan as rp
 
 
 def report(progress):
-    print(f"{progress.fraction:4.0%} after {progress.seconds:.1f} s")
+    print(f"{100 * progress.fraction:3.0f} % after {progress.seconds:.1f} s")
 
 
 # Spawned processes import this file: the guard below keeps them from running the rest.

@@ -10,7 +10,7 @@ many = motion.many_arms
 print(f"{many.makespan:.2f} s, {many.ratio:.2f} times the slowest arm alone")
 if len(many.schedules) == 2:
     diagram = motion.coordination_diagram("left", "right")
-    print(f"{diagram.blocked_share:.0%} of the diagram is blocked; the plan leads past it")
+    print(f"{100 * diagram.blocked_share:.0f} % of the diagram is blocked; the plan leads past it")
     print(diagram.save("19_diagram.png"), diagram.save("19_diagram.svg", axes="length"))
 else:
     print("the arms move as one, in the joint space of both")

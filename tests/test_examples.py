@@ -101,7 +101,7 @@ def retimings_keep_the_limits_and_stops_cost_time(said: str, _: Path) -> None:
     seconds = {name: float(time) for name, time in re.findall(r"^(\w+) +(\S+) s, uses", said, re.M)}
     assert seconds["blend"] < seconds["stop"] < seconds["ruckig"]
     assert said.count("valid: True") == 3
-    assert max(numbers(r"(\d+)% of the", said)) <= 100
+    assert max(numbers(r"(\d+) % of the", said)) <= 100
     assert number(r"on the real arm: (\S+) s", said) > seconds["blend"]
 
 
@@ -125,7 +125,7 @@ def servos_follow_under_both_presets(said: str, _: Path) -> None:
     errors = numbers(r"tracking error: (\S+) rad", said)
     assert len(errors) == 2
     assert max(errors) < 1e-3
-    assert max(numbers(r"effort: (\d+)% of the limit", said)) < 100
+    assert max(numbers(r"effort: (\d+) % of the limit", said)) < 100
     assert "kinematic replay" in said
 
 
@@ -182,7 +182,7 @@ def files_read_back_exactly_and_altered_ones_are_refused(said: str, folder: Path
 
 
 def many_problems_are_answered_in_order(said: str, _: Path) -> None:
-    fractions = numbers(r"(\d+)% after", said)
+    fractions = numbers(r"(\d+) % after", said)
     assert fractions == sorted(fractions)
     assert fractions[-1] == 100
     answers = re.findall(r"^\[ *(\S+) +(\S+) +0.2 *\] (.*)$", said, re.M)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,17 @@ def test_one_of_anything_is_not_plural() -> None:
     assert not rp.CollisionChecker(blocked).is_free(found)
     result = rp.plan(rp.Problem(blocked, [0.5, *found[1:]], reached), rng=0)
     assert "every configuration found (1 configuration)" in result.reason
+
+
+def test_a_percent_sign_follows_a_space(motion: rp.MotionPlan) -> None:
+    steps = np.array([0.0, 1.0])
+    diagram = rp.CoordinationDiagram(
+        ("a", "b"), (0, 1), np.eye(3, dtype=np.uint8), (steps,) * 2, (steps,) * 2, steps, np.eye(2)
+    )
+    replay = rp.simulate(motion.trajectory, motion.problem.scene)
+    for text in (str(rp.cspace(rp.load_scene("planar2r_path"), resolution=12)), repr(diagram), str(replay)):
+        assert re.search(r"\d %", text)
+        assert not re.search(r"\d%", text)
 
 
 DEGREES = r"\(angles are in radians: are these degrees\?\)"

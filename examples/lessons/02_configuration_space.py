@@ -14,11 +14,11 @@ for joints in ("RR", "RP", "PP"):
     for name, (shape, place) in SHAPES.items():
         scene = scene.with_obstacle(name, shape, place)
     grid = rp.cspace(scene).grid
-    print(f"{joints}: {grid.free.mean():.0%} free, closed: {grid.periodic}, {grid.components} components")
+    print(f"{joints}: {100 * grid.free.mean():.0f} % free, closed: {grid.periodic}, {grid.components} components")
     for name, image in grid.layers.items():
         strip = "with a strip" if image.all(axis=1).any() else "without a strip"
-        print(f"  {name}: {image.mean():.1%} of the cells, {strip}")
+        print(f"  {name}: {100 * image.mean():.1f} % of the cells, {strip}")
     overlap = np.sum(list(grid.layers.values()), axis=0) > 1
-    print(f"  in two images at once: {overlap.mean():.1%}")
+    print(f"  in two images at once: {100 * overlap.mean():.1f} %")
     lesson = rp.lesson("configuration_space", scene)
     print(f"  {lesson.save_html(f'02_{joints}.html')}, {lesson.save_png(f'02_{joints}.png')}")

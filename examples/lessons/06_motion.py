@@ -19,7 +19,7 @@ timed = rp.retime(short, scene, max_blend=0.4)
 print(f"phase plane {plane.duration:.3f} s, retime {timed.duration:.3f} s")
 for scale in (0.25, 0.5, 1.0):
     faster, harder = (rp.phase_plane(short, scene, **{f"{of}_scale": scale}) for of in ("velocity", "acceleration"))
-    print(f"{scale:.0%} of the velocity {faster.duration:.2f} s, of the acceleration {harder.duration:.2f} s")
+    print(f"{100 * scale:.0f} % of the velocity {faster.duration:.2f} s, of the acceleration {harder.duration:.2f} s")
 
 one = rp.seven_phases(1.2, velocity=2.0, acceleration=8.0, jerk=80.0)
 print(f"one joint: {one.duration:.3f} s, phases of {np.round(one.durations, 3)} s")

@@ -10,7 +10,7 @@ paths = {
 }
 for name, (left, right) in paths.items():
     pair = path_pair(scene, ("left", left), ("right", right))
-    print(f"{name}: {pair.blocked_share:.0%} of the diagram is blocked")
+    print(f"{name}: {100 * pair.blocked_share:.0f} % of the diagram is blocked")
     for first in pair.arms:
         curve = fastest_curve(pair, first=first)
         print(f"  {first} first: {'no schedule' if curve is None else f'{curve.duration:.1f} s'}")

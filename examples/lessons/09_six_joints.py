@@ -12,7 +12,8 @@ for wrist in (0.6, 1.6, 2.5):
     placed = scene.with_configuration("rr1", [0.2, 0.1, -0.4, -1.4, wrist, 0.0])
     grid = rp.cspace(placed, joints=joints, resolution=90).grid
     print(
-        f"slice with the wrist at {np.degrees(wrist):.0f}°: {grid.free.mean():.0%} free, {grid.components} components"
+        f"slice with the wrist at {np.degrees(wrist):.0f}°: {100 * grid.free.mean():.0f} % free, "
+        f"{grid.components} components"
     )
 
 solutions = inverse_solutions(scene, "rr1", [0.21, 0.12, -0.43, -1.45, 2.19, -2.34])
@@ -26,7 +27,7 @@ for axis in "zyx":
     curve = self_motion(scene, "rr1", [-0.719, -0.057, -0.386, -0.358, 0.639, -0.315], axis=axis)
     moved = int((np.ptp(curve, axis=0) > 1e-6).sum())
     free = np.mean([checker.is_free(q) for q in curve])
-    print(f"around {axis}: {len(curve)} configurations, {moved} joints move, {free:.0%} free")
+    print(f"around {axis}: {len(curve)} configurations, {moved} joints move, {100 * free:.0f} % free")
 
 for samples in (100, 1_000, 10_000):
     print(free_share(checker, samples, rng=0))

@@ -16,10 +16,10 @@ def describe(cspace: CSpaceQuery) -> str:
     """The configuration space, the query and its result as lines of text."""
     grid = cspace.grid
     first, second = grid.joint_names
-    share = f"{grid.free.mean():.1%} free"
+    share = f"{100 * grid.free.mean():.1f} % free"
     lines = [f"configuration space of {first} and {second}: {_cells(cspace, 'x')}, {share}, {_parts(cspace)}"]
     lines += _others(cspace)
-    lines += [f"  {name}: {mask.mean():.1%} of the cells" for name, mask in grid.layers.items()]
+    lines += [f"  {name}: {100 * mask.mean():.1f} % of the cells" for name, mask in grid.layers.items()]
     for name, goal, reachable, blocked in zip(
         cspace.goal_names, cspace.goals, cspace.reachable_goals, cspace.goals_blocked_by, strict=True
     ):

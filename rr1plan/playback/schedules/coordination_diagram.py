@@ -17,7 +17,7 @@ class CoordinationDiagram(PairSchedule):
     """The coordination diagram of two arms (O'Donnell and Lozano-Pérez, ICRA 1989), as figures."""
 
     def __repr__(self) -> str:
-        return f"CoordinationDiagram({' and '.join(self.names)}, {self.blocked_share:.0%} blocked)"
+        return f"CoordinationDiagram({' and '.join(self.names)}, {100 * self.blocked_share:.0f} % blocked)"
 
     def figure(self, *, axes: Axes = "time", width: float = 8.0, dark: bool = False) -> Figure:
         """A matplotlib figure.

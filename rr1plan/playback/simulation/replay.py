@@ -178,7 +178,7 @@ class Replay(Value):
             busiest = int(np.argmax(self.peak_effort))
             saturated = ((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any()
             lines.append(
-                f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
+                f"  effort: {100 * self.peak_effort[busiest]:.0f} % of the limit at most ({self.joint_names[busiest]})"
                 + ("; plan with option torque_limits, or with lower limits of acceleration" if saturated else "")
             )
         if not self.tracked:
