@@ -237,13 +237,14 @@ def _dot(symbol: str) -> str:
 
 
 def _product() -> str:
-    """The transform from base to tool as the product of those of the links."""
+    """The transform from base to tool as the product of those of the links; where that is too long, on two lines."""
 
     def transform(a: int, b: int) -> str:
         return f"<mmultiscripts><mi>T</mi><mn>{b}</mn><none/><mprescripts/><none/><mn>{a}</mn></mmultiscripts>"
 
     factors = (transform(0, 1), transform(1, 2), "=", _live("A", 3), _live("B", 3))
-    return math(transform(0, 2), "=", *factors, "=", _live("C", 3), block=True)
+    left, right = math(transform(0, 2), "=", *factors), math("=", _live("C", 3))
+    return f'<p class="product">{left} {right}</p>'
 
 
 def _dh_rows(table: DhTable) -> str:

@@ -161,3 +161,14 @@ def test_formulas_are_as_large_as_their_text_in_narrow_windows(page: Any, size: 
     page.resize(960, 640)
     assert formula >= text
     assert fits
+
+
+def test_the_product_of_matrices_fits_in_its_text(page: Any) -> None:
+    page.ask("RR1.steps.go(0)")
+    page.resize(640, 360)  # as at a zoom of 200 %
+    wide = page.ask("(texts => texts.scrollWidth - texts.clientWidth)(RR1.steps.texts)")
+    page.resize(1280, 720)
+    faded = page.ask("RR1.steps.texts.classList.contains('more')")
+    page.resize(960, 640)
+    assert wide == 0
+    assert not faded
