@@ -98,6 +98,22 @@ def test_the_address_names_the_step(tab: Any, page_file: Path) -> None:
     assert tab.ask("getComputedStyle(headline).clipPath") == "inset(50%)"
 
 
+@pytest.mark.parametrize(("lesson", "step"), [("workspace", 1), ("kinematics", 3)], indirect=["lesson"])
+def test_forced_colors_leave_the_legend_its_colors(page: Any, step: int) -> None:
+    colors = """[...document.querySelectorAll(".corner i")].filter((mark) => mark.checkVisibility()).map((mark) => {
+        const { color, background } = getComputedStyle(mark);
+        return mark.textContent ? color : background;
+    })"""
+    page.ask(f"RR1.steps.go({step})")
+    usual = page.ask(colors)
+    assert len(set(usual)) >= 2
+    page.page.emulate_media(forced_colors="active")
+    try:
+        assert page.ask(colors) == usual
+    finally:
+        page.page.emulate_media(forced_colors="none")
+
+
 # Of each lesson with an animation a step that has one, and what it changes.
 ANIMATIONS = {
     "no_path": ("planner", "RR1.lesson.grown"),

@@ -679,6 +679,17 @@ def test_forced_colors_mark_pressed_buttons(tab: Any, page_file: FilePath) -> No
     assert tab.ask(grounds) == [loop, loop]
 
 
+def test_forced_colors_leave_marks_their_colors(tab: Any, page_file: FilePath) -> None:
+    colors = """Object.entries({ "#marks button": "::before", ".act.start": "::before", ".act.goal": "::before",
+        "#joints .swatch": null, "#report .meter i": null, "#report .meter b": null
+    }).map(([part, pseudo]) => getComputedStyle(document.querySelector(part), pseudo).backgroundColor)"""
+    tab.open(page_file)
+    tab.ask("RR1.editing.open()")
+    usual = tab.ask(colors)
+    tab.page.emulate_media(forced_colors="active", color_scheme="dark")
+    assert tab.ask(colors) == usual
+
+
 def test_forced_colors_leave_the_picture_beside_the_cards(tab: Any, page_file: FilePath) -> None:
     rooms = "RR1.stage.rooms(RR1.stage.tiles()[0])"
     tab.open(page_file)
