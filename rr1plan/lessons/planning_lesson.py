@@ -169,7 +169,8 @@ class PlanningLesson(Lesson):
         axes.set(xscale="log", xlabel="edges checked", ylabel=f"path [{self.unit.strip() or '-'}]")
         _plain_ticks(axes.xaxis)
         axes.set_title("length of the best path", fontsize=12, loc="left")
-        axes.legend(fontsize=9, frameon=False, ncols=2)
+        if axes.lines:
+            axes.legend(fontsize=9, frameon=False, ncols=2)
         axes.spines[["top", "right"]].set_visible(False)
 
     def _draw_effect(self, axes: Axes) -> None:

@@ -142,3 +142,17 @@ def test_walking_through_the_steps_keeps_no_graphics_memory(page: Any) -> None:
         page.next_frames()
         counts.append(page.ask(used))
     assert counts[-2:] == counts[:2]
+
+
+def test_without_a_path_the_race_has_no_lengths(tab: Any, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (1.0, 0.7)))
+    wall = rp.Cylinder(0.15, 0.2)
+    scene = scene.with_obstacle("left", wall, (0.0, 0.6, 0.0)).with_obstacle("right", wall, (0.0, -0.6, 0.0))
+    lesson = rp.lesson("planning", problem=rp.Problem(scene, [0.0, 0.3], [3.0, 0.3]))
+    lesson.figure()
+    tab.record_texts()
+    tab.open(lesson.save_html(tmp_path / "none.html"))
+    drawn = tab.ask("(texts.length = 0, RR1.search.drawRace(), texts)")
+    assert "edges checked" in drawn
+    assert not any("." in text for text in drawn)
+    assert tab.complaints == []

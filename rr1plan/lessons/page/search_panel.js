@@ -251,7 +251,7 @@ class Search extends Walk {
       pen.textAlign = "center"; pen.fillText(rough(n), x(n), down + 13);
     }
     pen.textAlign = "right";
-    for (const c of [low, top]) pen.fillText(c.toFixed(1), left - 5, y(c) + 4);
+    for (const c of costs.length ? [low, top] : []) pen.fillText(c.toFixed(1), left - 5, y(c) + 4);
     pen.textAlign = "left"; pen.fillText(`length of the best path${data.unit && ` [${data.unit.trim()}]`}`, left, 11);
     pen.textAlign = "right"; pen.fillText("edges checked", right, high - 4);
     for (const r of shown) {
