@@ -619,6 +619,23 @@ def test_of_names_that_overlap_the_first_one_is_shown(tab: Any, tmp_path: FilePa
     assert tab.complaints == []
 
 
+def test_names_at_the_edges_of_a_small_window_are_whole(tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.Scene(name="edges").with_arm("arm", rp.planar_arm("RR"))
+    for side, x in (("left", -1.6), ("right", 1.6)):
+        scene = scene.with_obstacle(f"a long name on the {side}", rp.Sphere(0.05), (x, 0.0, 0.0))
+    tab.resize(390, 844)
+    tab.open(rp.cspace(scene, resolution=CELLS).save_html(tmp_path / "edges.html"), READY)
+    # Both ends of each name, -1 and 1 at the edges of the picture.
+    ends = tab.ask("""[...RR1.lesson.arm.tags.values()].flatMap(({ tag }) => {
+        const { camera } = RR1.stage, place = tag.getWorldPosition(new RR1.THREE.Vector3());
+        const at = place.applyMatrix4(camera.matrixWorldInverse), size = tag.scale.x / -at.z;
+        const wide = size * camera.projectionMatrix.elements[0], { x } = at.applyMatrix4(camera.projectionMatrix);
+        return [x - tag.center.x * wide, x + (1 - tag.center.x) * wide];
+    })""")
+    assert np.abs(ends).max() <= 1.0 + 1e-6
+    assert tab.complaints == []
+
+
 def test_names_are_readable_in_a_small_window_and_from_afar(tab: Any, tmp_path: FilePath) -> None:
     scene = rp.Scene(name="small").with_arm("arm", rp.planar_arm("RR"))
     scene = scene.with_obstacle("one", rp.Sphere(0.05), (1.2, 0.0, 0.0))

@@ -129,7 +129,7 @@ class Workspace {
     return tag;
   }
 
-  /** Keeps the names readable in small windows and from afar, and hides each that would overlap one before it. */
+  /** Keeps the names readable in small windows and from afar, whole at the edges, and hides each that would overlap one before it. */
   separateNames() {
     const { camera, pane } = viewer.stage, least = (2 * NAME_HEIGHT * magnification()) / pane.clientHeight;
     camera.updateMatrixWorld();
@@ -138,7 +138,9 @@ class Workspace {
       const at = tag.getWorldPosition(new viewer.THREE.Vector3()).applyMatrix4(camera.matrixWorldInverse), depth = -at.z;
       const size = Math.max(0.075 * this.outer, (least * depth) / perHeight);
       tag.scale.set((size * tag.scale.x) / tag.scale.y, size, 1);
-      const { x, y } = at.applyMatrix4(camera.projectionMatrix), wide = (tag.scale.x * perWidth) / depth, tall = (tag.scale.y * perHeight) / depth;
+      const { x: middle, y } = at.applyMatrix4(camera.projectionMatrix), wide = (tag.scale.x * perWidth) / depth, tall = (tag.scale.y * perHeight) / depth;
+      const x = Math.abs(middle) < 1 ? Math.min(Math.max(middle, wide / 2 - 1), 1 - wide / 2) : middle;
+      tag.center.x = 0.5 - (x - middle) / wide;
       tag.visible = !shown.some((other) => 2 * Math.abs(other.x - x) < other.wide + wide && 2 * Math.abs(other.y - y) < other.tall + tall);
       if (tag.visible) shown.push({ x, y, wide, tall });
     }
