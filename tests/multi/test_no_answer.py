@@ -414,6 +414,20 @@ def test_a_base_of_another_arm_that_cannot_be_passed_is_a_proof(method: str) -> 
     assert result.reason.startswith("left, right: no path exists: joint 'left/joint1' cannot pass")
 
 
+def test_a_base_that_cannot_be_passed_is_a_proof_in_a_large_group_too() -> None:
+    robot = rp.load_robot("planar2r_limited")
+    scene = rp.Scene().with_arm("left", robot).with_arm("right", robot, (0.35, 0.0, 0.0))
+    start, goal = {"left": [1.8, 0.0], "right": [0.3, 0.0]}, {"left": [-1.8, 0.0], "right": [-0.3, 0.0]}
+    for k in range(3):
+        scene = scene.with_arm(f"arm{k}", robot, (2.2 + 1.5 * k, 0.0, 0.0))
+        start[f"arm{k}"], goal[f"arm{k}"] = [1.2, 0.0], [-1.2, 0.0]
+    result = plan_many_arms(rp.Problem(scene, start, goal), rng=0, budget=Budget(seconds=60.0))
+    assert result.status is PlanStatus.INFEASIBLE
+    assert result.reason.startswith("left, right, arm0, arm1, arm2: no path exists: joint 'left/joint1' cannot pass")
+    goal["left"] = [1.7, 0.1]
+    assert plan_many_arms(rp.Problem(scene, start, goal), rng=0, budget=Budget(seconds=60.0)).found
+
+
 @pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
 def test_bases_of_others_block_all_of_several_goals_provably(method: str) -> None:
     """Every goal of one arm lies beyond the base of the other one, which has several goals, too."""

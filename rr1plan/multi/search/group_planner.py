@@ -106,6 +106,8 @@ class GroupPlanner:
                 return False
             if self._couple(effort) or self._move_in_turn(effort) or (few and self._plan_as_one(effort + 1)):
                 return True
+            if effort == 0 and not few:
+                self.group.prove_separated()  # the planner of the joint space of a few arms does it, too
         return False
 
     def _plan_apart(self, effort: int, rounds: float) -> bool:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
@@ -17,6 +18,7 @@ from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.schedule import Schedule
+from rr1plan.planners.joint_barriers import find_joint_barrier
 
 STAGES = ("timing", "detours", "eviction", "space-time", "composite", "windows", "sequential")
 """Stages of a search, in order of cost."""
@@ -118,6 +120,15 @@ class GroupSchedules(AgentSchedules):
         if pool.impossible:
             self.impossible, self.reason = True, reason
         return path
+
+    def prove_separated(self) -> None:
+        """Prove, if a joint cannot pass other arms or obstacles on its way to its goal, that there is no path."""
+        agent = self.agent_of(self.arms)
+        query, goal = agent.query({}, 0.0), np.concatenate([self.alone[arm].paths[0].goal for arm in agent.arms])
+        with checker_from_pool(query.scene, query.arms) as checker:
+            barrier = find_joint_barrier(checker, agent.start, goal, goes_on=self.watch.goes_on)
+        if barrier is not None:
+            self.impossible, self.reason = True, f"no path exists: {barrier}"
 
     def adopt(self, pools: Sequence[PathPool], stage: str) -> bool:
         """Replace all agents by those of some pools if all of them can be timed; returns whether they can."""
