@@ -68,7 +68,8 @@ def _in_brief(value: object) -> str:
         return "{" + ", ".join(entries) + _rest(value, _MOST_ENTRIES) + "}"
     if isinstance(value, list | tuple | set | frozenset):
         most = _MOST_ENTRIES if any(isinstance(item, Value | np.ndarray) for item in value) else _MOST_NUMBERS
-        return "(" + ", ".join(map(_in_brief, islice(value, most))) + _rest(value, most) + ")"
+        comma = "," if len(value) == 1 else ""  # else a tuple in a tuple would read like that tuple alone
+        return "(" + ", ".join(map(_in_brief, islice(value, most))) + comma + _rest(value, most) + ")"
     if isinstance(value, float):
         return f"{value:.6g}"
     return repr(value) if isinstance(value, Value) else shown(value)

@@ -63,6 +63,10 @@ def test_every_public_value_shows_itself_in_a_line(motion: rp.MotionPlan) -> Non
         assert len(shown) < 400, shown
 
 
+def test_a_tuple_of_one_tuple_reads_as_such() -> None:
+    assert "allow=(('cup', 'table'),)" in repr(rp.MoveGripper("open", allow=[("cup", "table")]))
+
+
 def test_no_plan_shows_its_reason() -> None:
     scene = rp.load_scene("rr1_table")
     motion = rp.plan_motion(rp.Problem(scene, "home", rp.PoseGoal("tool", [3.0, 0.0, 0.0])), rng=0)
