@@ -15,6 +15,7 @@ from rr1plan.checks import (
     of_kind,
     positive_number,
     shape_of,
+    shown,
     true_or_false,
 )
 from rr1plan.collision import CollisionChecker
@@ -134,7 +135,8 @@ def _places(thing: Obstacle, name: str, place: PoseGoal | ArrayLike | Sequence[P
     if not goals:
         raise InputError("place is an empty list, expected at least one PoseGoal")
     for goal in goals:
-        of_kind("one of the places", goal, PoseGoal)
+        if not isinstance(goal, PoseGoal):
+            raise InputError(f"place is {shown(place)}, expected a position (3,), a pose (4, 4), or a list of PoseGoal")
         if goal.frame != name or goal.quaternion is None:
             raise InputError(f"a place is of the frame {goal.frame!r}, expected a pose of {name!r} with a quaternion")
     return goals

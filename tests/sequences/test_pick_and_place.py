@@ -189,6 +189,7 @@ def test_an_object_sunk_in_the_table_is_not_lifted_through_it(table: rp.Scene) -
         ({"place": rp.PoseGoal("tool", [0, 0, 0.1], [1, 0, 0, 0])}, "expected a pose of 'block'"),
         ({"place": rp.PoseGoal("block", [0, 0, 0.1])}, "with a quaternion"),
         ({"place": []}, "place"),
+        ({"place": [0.1, 0.2]}, r"place is \[0.1, 0.2\], expected a position \(3,\), a pose \(4, 4\), or a list"),
         ({"height": 0.0}, "height"),
         ({"supports": ["floor"]}, "'floor'"),
         ({"grasps": ["home"]}, "grasps"),
