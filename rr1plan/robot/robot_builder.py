@@ -193,7 +193,7 @@ def _check_ranges(tree: Tree, names: Sequence[str], limits: Limits) -> None:
         if FARTHEST < travel < np.inf:
             raise InputError(
                 f"{tree.source}: joint {name!r} has limits {lower:g} to {upper:g}, expected at most ±{FARTHEST:g}; "
-                "give it limits, or leave it out with option joints or groups"
+                "give it limits, or load the robot with joints= or groups= that leave it out"
             )
 
 

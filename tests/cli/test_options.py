@@ -173,6 +173,7 @@ def test_a_mistake_on_the_command_line_is_json_where_json_is_wanted(capsys: pyte
         (["demo", "--scene", "empty.toml"], "(--goal of rr1plan plan, --position of rr1plan plan)"),
         (["plan", "no_arm.toml", "--goal", "home"], "the scene has no arm; add one: [arms.NAME] in a scene file"),
         (["plan", "rr1_table", "--goal", "0", "20", "-45", "0", "30", "0"], "are these degrees?"),
+        (["validate", "locked.csv", "--scene", "rr1_table"], "or load the robot with joints= that include it"),
     ],
 )
 def test_messages_are_in_the_words_of_the_command_line(
@@ -180,6 +181,7 @@ def test_messages_are_in_the_words_of_the_command_line(
 ) -> None:
     Path("empty.toml").write_text("[arms.a]\nrobot = 'planar2r'\n")
     Path("no_arm.toml").write_text("[obstacles.a]\nsphere = 0.1\n")
+    Path("locked.csv").write_text("t,q:finger_joint\n0,0\n1,0\n")
     assert run(words) in (BAD_INPUT, NO_PLAN)
     said = one_line(capsys)
     assert message in said
