@@ -67,7 +67,11 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         r"goal names the joint 'arm/joint1', expected a mapping from arm .* \{'arm': ",
     ),
     "goal_position": (lambda s: rp.Problem(s, "home", [1.0, 0.5, 0.0]), rp.InputError, "position .* give PoseGoal"),
-    "goal_matrix": (lambda s: rp.Problem(s, "home", np.eye(4)), rp.InputError, "pose give PoseGoal"),
+    "goal_matrix": (
+        lambda s: rp.Problem(s, "home", np.eye(4)),
+        rp.InputError,
+        r"pose give PoseGoal\('tool', ...\), in a scene file { frame = \"tool\", position = ",
+    ),
     "arms_number": (lambda s: rp.Problem(s, "home", "home", arms=3), rp.InputError, "sequence of names"),
     "checker_of_no_arms": (lambda s: rp.CollisionChecker(rp.Scene()), rp.InputError, "the scene has no arm"),
     "kinematics_of_no_arms": (lambda s: rp.Kinematics(rp.Scene()), rp.InputError, "the scene has no arm"),

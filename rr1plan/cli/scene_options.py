@@ -70,7 +70,8 @@ def chosen_problem(options: Namespace, file: SceneFile) -> Problem:
         return rp.Problem(problem.scene, start, dict(problem.goal)).with_margin(problem.margin)
     arm = file.scene.only_arm(options.arm)
     if options.goal is not None:
-        goal: Any = name_or_numbers(options.goal)
+        robot = file.scene.arms[arm].robot
+        goal: Any = robot.configuration(name_or_numbers(options.goal), f"goal of {arm!r}")
     else:
         goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
     start = None if options.start is None else {arm: name_or_numbers(options.start)}

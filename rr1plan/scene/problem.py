@@ -401,7 +401,7 @@ def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
     if shape in ((3,), (4, 4)) and shape != (robot.nq,):
         raise InputError(
             f"goal of {arm!r} has shape {shape}, expected {robot.nq} joint values; for a position or a pose give "
-            "PoseGoal('tool', ...)"
+            "PoseGoal('tool', ...), in a scene file { frame = \"tool\", position = [x, y, z] }"
         )
     return JointGoal(robot.configuration(q, f"goal of {arm!r}"))
 

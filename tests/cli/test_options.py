@@ -152,6 +152,7 @@ def test_a_mistake_on_the_command_line_is_json_where_json_is_wanted(capsys: pyte
             ["plan", "rr1_table", "--goal", "1", "2"],
             "goal of 'rr1' has 2 numbers, expected 6: one for each of shoulder",
         ),
+        (["plan", "rr1_table", "--goal", "1", "2", "3"], "goal of 'rr1' has 3 numbers, expected 6: one for each of"),
         (["plan", "rr1_table", "--start", "1", "--goal", "home"], "start of 'rr1' has 1 number, expected 6"),
         (["plan", "rr1_table", "--goal", "0.1,0.2,-3e-1"], "'0.1,0.2,-3e-1': separate numbers by spaces"),
         (["plan", "rr1_table", "--goal", "-0.1,0.2,3"], "'-0.1,0.2,3': separate numbers by spaces, not by commas"),
