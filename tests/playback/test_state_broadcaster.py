@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -102,6 +103,12 @@ def test_a_full_disk_is_named(sim: rp.Simulation, states: int) -> None:
     broadcaster.attach(sim)
     with pytest.raises(rp.InputError, match="cannot write /dev/full: No space left on device"), broadcaster:
         sim.step(states)
+
+
+def test_a_broadcaster_is_attached_instead_of_activated(sim: rp.Simulation) -> None:
+    broadcaster: Any = rp.JointStateBroadcaster(sim.joint_names, print)
+    with pytest.raises(rp.InputError, match="expected Controller; call its method 'attach' instead"):
+        sim.activate(broadcaster)
 
 
 def test_a_closed_broadcaster_is_not_attached(sim: rp.Simulation, tmp_path: Path) -> None:

@@ -481,7 +481,7 @@ class Simulation:
                 active in another simulation.
             UnknownNameError: an unknown joint.
         """
-        of_kind("controller", controller, Controller)
+        of_kind("controller", controller, Controller, method="attach")
         self._set_points.activate(controller, self._now, replace=replace)
 
     @exclusive
