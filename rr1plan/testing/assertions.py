@@ -144,7 +144,10 @@ def assert_replays(
     where, trajectory = _motion_in(motion, scene)
     if isinstance(motion, SequencePlan):
         if scene is not None or variations is not None:
-            raise InputError("a sequence is replayed in its own scene with arms as described")
+            left_out = "scene" if variations is None else "variations"
+            raise InputError(
+                f"got {left_out}, expected none: a sequence is replayed in its own scene with arms as described"
+            )
         return _replayed_sequence(motion, tolerance, dt)
     if trajectory is None:
         raise InputError("the motion has no times, and cannot be replayed; time its path with rr1plan.retime")

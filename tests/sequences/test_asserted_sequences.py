@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,6 +49,9 @@ def test_only_objects_that_are_lost_are_named(table: rp.Scene) -> None:
 def test_what_a_sequence_does_not_take_is_refused(moved: rp.SequencePlan, table: rp.Scene) -> None:
     with pytest.raises(rp.InputError, match="in its own scene with arms as described"):
         rp.assert_replays(moved, table)  # type: ignore[call-overload]
+    varied: Any = {"variations": rp.ReplayVariations(payload=0.1)}
+    with pytest.raises(rp.InputError, match="got variations, expected none: a sequence is replayed"):
+        rp.assert_replays(moved, **varied)
     problem = rp.Problem(table, None, "home")
     with pytest.raises(rp.InputError, match="a sequence has no single start and goal"):
         rp.assert_valid(moved, problem=problem)
