@@ -182,7 +182,8 @@ class StepScale:
                     f"({assumed[0]}_std); calibrate the arm first"
                 )
         self.joints = [channel_of[name] for name in robot.joint_names]
-        self._names, self._calibration = robot.joint_names, calibration
+        self._names, self._calibration, self._limits = robot.joint_names, calibration, robot.limits
+        self._signs = np.array([calibration.joints[name].sign for name in robot.joint_names])
         self.locked = {
             channel_of[name]: round(float(calibration.readings([value], [name])[0]))
             for name, value in robot.locked_joints.items()
@@ -191,8 +192,15 @@ class StepScale:
         self.unchecked = {name: value for name, value in robot.locked_joints.items() if name not in channel_of}
 
     def counters(self, q: Array) -> Array:
-        """Step counters at configurations, rounded, as whole numbers, shape (n, nq)."""
-        return np.asarray(np.rint(self._calibration.readings(q, self._names)))
+        """Step counters at configurations, as whole numbers, shape (n, nq).
+
+        They are rounded to the nearest step, or where that step is beyond a joint limit, to the one before it:
+        otherwise motions that end at a limit would violate it.
+        """
+        nearest = np.rint(self._calibration.readings(q, self._names))
+        rounded = self.positions(nearest)
+        inward = (rounded < self._limits.lower).astype(np.float64) - (rounded > self._limits.upper)
+        return np.asarray(nearest + self._signs * inward)
 
     def positions(self, counters: Array) -> Array:
         """Configurations at step counters [rad], shape (n, nq)."""

@@ -121,6 +121,17 @@ def test_a_coarse_tolerance_gives_fewer_commands(
     assert counts[0] > counts[1] >= counts[2] > 0
 
 
+def test_motions_to_joint_limits_are_not_rounded_beyond_them(calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    robot = rp.load_robot("rr1")
+    scene = rp.Scene().with_arm("rr1", robot)
+    for limit in (robot.limits.lower, robot.limits.upper):
+        to_limits = np.where(np.arange(6) % 3 == 0, limit, robot.home)
+        way = rp.retime(rp.Path(scene.joint_names(), [robot.home, to_limits]), scene, acceleration_scale=0.1)
+        plan = rp.plan_commands(way, calibration, box, scene=scene)
+        assert not plan.problems
+        assert np.abs(plan.path.waypoints[-1] - to_limits).max() < 2.0 / 802.0  # less than two steps
+
+
 def test_an_arm_that_stays_has_no_commands(calibration: rp.Calibration, box: rp.ControlBox) -> None:
     scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
     plan = rp.plan_commands(
