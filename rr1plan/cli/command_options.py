@@ -222,7 +222,7 @@ def mirror_options(parser: Parser) -> None:
     parser.add_argument(
         "--silence", type=positive, default=1.0, help="report a socket that is silent for this long [s] (%(default)s)"
     )
-    parser.add_argument("--port", type=count, help="port of the page on this machine (default: the next free one)")
+    parser.add_argument("--port", type=count, help="first port to try for the page on this machine (default: 7000)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--no-page", action="store_true", help="only print events and the report")
     parser.excludes("--no-page", "--port", "--no-browser")
@@ -234,7 +234,7 @@ def view_options(parser: Parser) -> None:
     parser.add_argument("what", metavar="WHAT", help=f"a scene or a robot, by name or file, or {_MOTION}")
     parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
     _topic(parser)
-    parser.add_argument("--port", type=count, help="port of the page on this machine (default: the next free one)")
+    parser.add_argument("--port", type=count, help="first port to try for the page on this machine (default: 7000)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--html", type=named_file, metavar="FILE", help="write an offline page instead of serving one")
     parser.add_argument("--png", type=file_of(".png"), metavar="FILE", help="write a picture (needs Chromium)")
@@ -306,7 +306,7 @@ def lesson_options(parser: Parser) -> None:
     )
     _video(parser, "what a step animates")
     parser.add_argument("--step", type=count, help="with --video: the step of the lesson (default: the first)")
-    parser.add_argument("--port", type=count, help="port of the page on this machine (default: the next free one)")
+    parser.add_argument("--port", type=count, help="first port to try for the page on this machine (default: 7000)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.needs("--query", "--scene")
     for option in ("--step", "--size", "--bare"):
