@@ -705,6 +705,8 @@ def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
     # A pause also ends the wait for the next step of a slow run, here of hours.
     for slow in (1e-7, 1e-300):
         assert pause_soon(sim, duration=1.0, speed=slow) is False
+    with pytest.raises(rp.InputError, match=r"duration is -0\.5 s, expected at least 0"):
+        sim.run(duration=-0.5)
     with pytest.raises(rp.InputError, match="it cannot run to 0 s; reset it first"):
         sim.run(until=0.0)
     with pytest.raises(rp.InputError, match="either until or duration"):

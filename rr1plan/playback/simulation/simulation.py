@@ -548,6 +548,8 @@ class Simulation:
         else:
             end = self.time + finite_number("duration", duration if duration is not None else 0.0)
         if end < self.time - 1e-9:
+            if until is None:
+                raise InputError(f"duration is {duration:g} s, expected at least 0")
             raise InputError(f"the simulation is at {self.time:g} s, it cannot run to {end:g} s; reset it first")
         if not (isinstance(speed, float) and speed == math.inf):
             speed = positive_number("speed", speed)
