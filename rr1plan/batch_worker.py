@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import pickle
 import signal
+import threading
 import traceback
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -63,6 +66,15 @@ def begin_worker(stop: Any, ended: Any) -> None:
     _should_stop, _ended = stop.is_set, ended
     # Ctrl-C reaches the whole process group; the parent process decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent process has died, from which it would wait for tasks forever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _go_on(progress: Progress) -> bool:

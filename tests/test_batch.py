@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import suppress
 from multiprocessing import get_context
 
 import numpy as np
@@ -351,7 +352,8 @@ def has_ended(group):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends Ctrl-C to consoles, not to processes")
-def test_ctrl_c_ends_all_processes_at_once(tmp_path):
+@pytest.mark.parametrize(("send", "number"), [("killpg", "SIGINT"), ("kill", "SIGKILL")])
+def test_no_process_is_left_after_ctrl_c_or_a_killed_parent(send, number, tmp_path):
     file = tmp_path / "long.py"
     # the first is solved immediately; an optimizing planner works on the others, which no straight line solves,
     # until its budget ends
@@ -369,11 +371,15 @@ def test_ctrl_c_ends_all_processes_at_once(tmp_path):
     assert run.stdout is not None
     assert run.stdout.readline() == "begun\n"
     time.sleep(0.5)
-    os.killpg(run.pid, signal.SIGINT)
-    _, errors = run.communicate(timeout=60)
-    assert run.returncode != 0
-    assert errors.rstrip().endswith("KeyboardInterrupt")
-    assert any(has_ended(run.pid) for _ in range(100))
+    getattr(os, send)(run.pid, signal.Signals[number])
+    assert run.wait(timeout=60) != 0
+    try:
+        assert any(has_ended(run.pid) for _ in range(100))
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(run.pid, signal.SIGKILL)
+        _, errors = run.communicate()
+    assert number != "SIGINT" or errors.rstrip().endswith("KeyboardInterrupt")
 
 
 def test_dask_leads_off_this_machine(problems):
