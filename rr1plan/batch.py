@@ -149,8 +149,8 @@ def plan_many(
     """Solve many problems in parallel, each like `plan_motion` (or `plan`).
 
     Without an executor this spawns processes, so a script has to guard its main part with
-    `if __name__ == "__main__":`. Ctrl-C stops the processes within about a
-    tenth of a second of planning.
+    `if __name__ == "__main__":`. Ctrl-C stops the processes within about a tenth of a second, those that are starting
+    or run a planner of OMPL within about two seconds.
 
     Args:
         problems: The problems. Those in one scene should share one `Scene` object and be consecutive.

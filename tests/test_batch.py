@@ -324,6 +324,19 @@ def test_a_script_without_a_guard_is_told_so(tmp_path):
     assert "BackendError: worker processes do not start" in done.stderr
 
 
+def test_processes_end_without_a_collection_of_all_objects(tmp_path):
+    file = tmp_path / "counting.py"
+    file.write_text(
+        "import atexit, gc\n"
+        "atexit.register(lambda: print(gc.get_freeze_count() > 0, flush=True))\n"
+        + SCRIPT
+        + "if __name__ == '__main__':\n"
+        "    rp.plan_many(asked, workers=1)\n"
+    )
+    done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout.split() == ["True", "False"]
+
+
 def test_a_planner_that_processes_do_not_know_is_named(tmp_path):
     """As one that is defined in a notebook, or below the guard of a script."""
     file = tmp_path / "own_planner.py"
