@@ -13,7 +13,7 @@ from rr1plan.cli.arguments import Shown, parse, spell_options
 from rr1plan.cli.console import Console
 from rr1plan.cli.parser import build_parser
 from rr1plan.errors import NoPlanError, RetimingError, Rr1PlanError, missing_libraries_named
-from rr1plan.interrupts import INTERRUPTED, leaving_at_once
+from rr1plan.interrupts import INTERRUPTED, interrupted_by_termination, leaving_at_once
 from rr1plan.progress_bar import taken_terminal
 
 OK, BAD_INPUT, NO_PLAN, INVALID_PLAN = 0, 2, 3, 4
@@ -56,7 +56,7 @@ def _run(arguments: Sequence[str], console: Console, started: float) -> int:
     with leaving_at_once(), console.progress("loading"), missing_libraries_named():
         command = getattr(import_module(f"rr1plan.cli.{module}"), function)
     console.watch.seconds["imports"] = time.perf_counter() - started
-    with console.warnings(), taken_terminal():
+    with interrupted_by_termination(), console.warnings(), taken_terminal():
         code: int = command(options, console)
     return code
 

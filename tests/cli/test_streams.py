@@ -259,3 +259,25 @@ def test_little_is_imported_before_ctrl_c_is_handled() -> None:
     done = subprocess.run([sys.executable, "-I", "-S", "-c", script], capture_output=True, text=True, check=True)
     heavy = {"typing", "contextlib", "threading", "argparse", "logging", "rich", "numpy", "rr1plan.cli"}
     assert heavy.isdisjoint(done.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("number", "handler"),
+    [
+        (signal.SIGINT, "default_int_handler"),
+        (signal.SIGTERM, "default_int_handler"),
+        (signal.SIGHUP, "default_int_handler"),
+        # As of a job in the background of a script.
+        (signal.SIGTERM, "SIG_IGN"),
+    ],
+)
+def test_a_page_ends_in_order_when_its_process_is_told_to_end(number: signal.Signals, handler: str) -> None:
+    script = f"import signal; signal.signal(signal.SIGINT, signal.{handler}); import rr1plan.__main__ as m; m.main()"
+    command = [sys.executable, "-c", script, "view", "planar2r_path", "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline().startswith("page: ")
+        time.sleep(0.5)
+        child.send_signal(number)
+        _, said = child.communicate(timeout=30)
+    assert (child.returncode, said) == (OK, "")
