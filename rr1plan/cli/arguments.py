@@ -79,11 +79,11 @@ class Parser(argparse.ArgumentParser):
 
         self._rules.append(rule)
 
-    def excludes(self, option: str, *others: str) -> None:
-        """Declare that the others have no effect together with an option."""
+    def excludes(self, option: str, *others: str, unless: Iterable[str] = ()) -> None:
+        """Declare that the others have no effect together with an option, unless one of `unless` is given too."""
 
         def rule(options: argparse.Namespace) -> str | None:
-            idle = [other for other in others if other in options.given]
+            idle = [other for other in others if other in options.given and options.given.isdisjoint(unless)]
             return f"{idle[0]} has no effect with {option}" if idle and option in options.given else None
 
         self._rules.append(rule)

@@ -254,6 +254,8 @@ def view_options(parser: Parser) -> None:
     files = ("--html", "--png", "--video", "--glb")
     for option in files:
         parser.excludes(option, "--port", "--no-browser")
+    # The 3-D model has the scene and the motion only, nothing of the page.
+    parser.excludes("--glb", "--spheres", "--view", "--compare", unless=files[:-1])
     parser.needs("--side-by-side", "--compare")
     parser.needs("--time", "--png")
     parser.needs("--size", "--png", "--video")
