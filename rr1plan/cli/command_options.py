@@ -75,10 +75,10 @@ def plan_options(parser: Parser) -> None:
     _view_from(parser, "of the page, with --html")
     figure = file_of(".png", ".svg", ".pdf")
     parser.add_argument(
-        "--timeline", type=figure, metavar="FILE", help="draw which arm moves, waits or touches another one when"
+        "--timeline", type=figure, metavar="FILE", help="draw when each arm moves, waits or touches another one"
     )
     parser.add_argument(
-        "--diagram", type=figure, metavar="FILE", help="of many_arms: draw how two arms are timed on their paths"
+        "--diagram", type=figure, metavar="FILE", help="of many_arms: draw the coordination diagram of two arms"
     )
     parser.add_argument(
         "--pair",
