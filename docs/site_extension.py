@@ -123,6 +123,13 @@ def _mark_code(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines:
     lines[:] = marked
 
 
+def _keep_colons(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Keep napoleon from reading the first line of a property as "type: description"; `lines` is changed in place."""
+    if what in ("attribute", "property"):
+        # An empty comment: napoleon skips empty lines at the beginning.
+        lines[:0] = ["..", ""]
+
+
 def _link_pages(app: Sphinx, document: nodes.document, docname: str) -> None:
     """Embed the page of a lesson below its title, and link pictures of the gallery to the page that they show."""
     folder = Path(app.config.live_pages or app.srcdir, _PAGES)
@@ -147,5 +154,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_config_value("live_pages", "", "env", str)
     app.connect("builder-inited", _write_reference)
     app.connect("autodoc-process-docstring", _mark_code, priority=400)  # before napoleon
+    app.connect("autodoc-process-docstring", _keep_colons, priority=400)
     app.connect("doctree-resolved", _link_pages)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -86,6 +86,14 @@ def test_the_reference_has_every_public_name(site: Path) -> None:
     assert "module-rr1plan.transforms" in anchors
 
 
+def test_the_reference_keeps_sentences_of_properties_with_a_colon(site: Path) -> None:
+    members = {"trajectories": rp.Trajectory.degree, "many_arms": rp.PlanGraph.nodes, "robots": rp.Robot.content_hash}
+    for page, member in members.items():
+        (sentence, *_) = str(member.__doc__).splitlines()
+        assert ": " in sentence
+        assert sentence in " ".join((site / "api" / f"{page}.html").read_text(encoding="utf-8").split())
+
+
 def test_all_pages_of_the_documentation_are_in_the_site(site: Path) -> None:
     written = {file.relative_to(DOCS).with_suffix(".html") for file in DOCS.rglob("*.md")}
     assert len(written) > 15
