@@ -168,9 +168,9 @@ def plan_many(
             executor's problems are reported when the whole chunk that contains them is finished.
 
     Returns:
-        The results in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a `PlanFailure` if
-        the problem raised an exception, its process died, the executor broke, was shut down or did not accept it, or
-        the batch was cancelled.
+        The results in the order of the problems, each a `MotionPlan` (or `PlanResult` if not `full`), or a
+        `PlanFailure` if the problem raised an exception, its process died, the executor broke, was shut down or did
+        not accept it, or the batch was cancelled.
 
     Raises:
         UnknownNameError: no such planner or retiming.

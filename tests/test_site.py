@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import html
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -92,6 +94,14 @@ def test_the_reference_keeps_sentences_of_properties_with_a_colon(site: Path) ->
         (sentence, *_) = str(member.__doc__).splitlines()
         assert ": " in sentence
         assert sentence in " ".join((site / "api" / f"{page}.html").read_text(encoding="utf-8").split())
+
+
+def test_the_reference_has_no_sentences_as_return_types(site: Path) -> None:
+    # Napoleon takes what precedes a colon in "Returns" for the type.
+    form = re.compile(r'Return type<span class="colon">:</span></dt>\s*<dd[^>]*><p>(.*?)</p>', re.DOTALL)
+    texts = [text for file in (site / "api").glob("*.html") for text in form.findall(file.read_text(encoding="utf-8"))]
+    types = [html.unescape(re.sub("<[^>]*>", "", text)) for text in texts]
+    assert [kind for kind in types if re.search(r"[a-z]\s[a-z]", kind)] == []
 
 
 def test_all_pages_of_the_documentation_are_in_the_site(site: Path) -> None:

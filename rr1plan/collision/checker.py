@@ -165,8 +165,8 @@ class CollisionChecker(CoalChecker):
             scene: The scene.
 
         Returns:
-            Whether that was possible: only if pairs of solids, padding and kinds of obstacles are the same. Otherwise
-            nothing has changed.
+            Whether that was possible, which requires the same pairs of solids, padding and kinds of obstacles.
+            Otherwise nothing has changed.
         """
         mine = self._scene
         same_padding = (scene.padding, scene.pair_padding) == (mine.padding, mine.pair_padding)

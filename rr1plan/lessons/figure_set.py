@@ -47,7 +47,7 @@ def save_figures(
         progress: Called before each figure; False cancels.
 
     Returns:
-        The files of each figure: a PNG and, except for "first_motion", an SVG.
+        The files of each figure, a PNG and, except for "first_motion", an SVG.
 
     Raises:
         UnknownNameError: no such figure.

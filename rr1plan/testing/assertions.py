@@ -129,7 +129,7 @@ def assert_replays(
         dt: Time of a step of the simulation [s].
 
     Returns:
-        The replays: that of the arms as described, then those of varied arms; for a sequence its replay.
+        The replays, first that of the arms as described, then those of varied arms; for a sequence its replay.
 
     Raises:
         AssertionError: a replay failed; names the worst one, its payload, masses and friction, and the joint or the
