@@ -44,6 +44,14 @@ def test_the_page_counts_solutions_as_python_does(tab: Any, tmp_path: Path) -> N
     assert tab.complaints == []
 
 
+def test_the_place_of_the_tool_has_digits_for_small_arms(tab: Any, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (2e-3, 1.6e-3), width=1e-4))
+    tab.open(rp.lesson("workspace", scene).save_html(tmp_path / "a.html"), READY)
+    go_to(tab, "solutions")
+    tab.ask("RR1.setQ([0, -Math.PI / 2])")
+    assert tab.page.locator("#lesson-reach b").inner_text() == "tool at (0.00200, −0.00160) m: in two ways"
+
+
 @pytest.mark.drawn
 def test_regions_are_drawn_and_hidden_again(tab: Any, tmp_path: Path) -> None:
     tab.open(rp.lesson("workspace").save_html(tmp_path / "a.html"), READY)

@@ -95,14 +95,13 @@ class ReachMap {
   read() {
     if (!this.ignored) { this.corner.hidden = true; return; }
     this.corner.hidden = false;
-    const [x, y] = viewer.lesson.arm.tool(this.space.columns.map((column) => viewer.q[column]));
+    const { arm } = viewer.lesson, [x, y] = arm.tool(this.space.columns.map((column) => viewer.q[column]));
     const ways = this.count(x, y, this.mask());
-    this.corner.querySelector("b").textContent = `tool at (${signed(x)}, ${signed(y)}) m: ${["in no way", "in one way", "in two ways"][ways]}`;
+    this.corner.querySelector("b").textContent = `tool at (${placed(x, arm.outer)}, ${placed(y, arm.outer)}) m: ${["in no way", "in one way", "in two ways"][ways]}`;
   }
 }
 
 const hex = (color) => [1, 3, 5].map((k) => parseInt(color.slice(k, k + 2), 16));
-const signed = (v) => v.toFixed(2).replace("-", "−");
 
 const map = steps.map = new ReachMap();
 const isLimit = (layer) => layer.kind === "limits";
