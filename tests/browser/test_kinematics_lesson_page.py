@@ -70,6 +70,17 @@ def test_matrices_are_the_products_of_link_transforms(
     assert in_units(page, "det", " m²") == pytest.approx(np.linalg.det(jacobian), abs=6e-4)
 
 
+def test_lengths_have_digits_for_small_arms(tab: Any, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (2e-3, 1.6e-3), width=1e-4))
+    tab.open(rp.lesson("kinematics", scene).save_html(tmp_path / "small.html"), "Boolean(window.RR1 && RR1.ready)")
+    tab.ask("RR1.setQ([0, Math.PI / 2])")
+    np.testing.assert_allclose(matrix(tab, "C", 3), [[0, -1, 2e-3], [1, 0, 1.6e-3], [0, 0, 1]], atol=1e-9)
+    jacobian = [[-1.6e-3, -1.6e-3], [2e-3, 0]]
+    np.testing.assert_allclose(matrix(tab, "J", 2), jacobian, atol=1e-9)
+    sizes = np.linalg.svd(jacobian, compute_uv=False)
+    np.testing.assert_allclose([in_units(tab, "s1", " m"), in_units(tab, "s2", " m")], sizes, atol=6e-6)
+
+
 @pytest.mark.parametrize("q", POSES)
 def test_the_other_elbow_reaches_the_same_point(page: Any, lesson: KinematicsLesson, q: tuple[float, float]) -> None:
     page.ask(f"RR1.steps.go(2); RR1.setQ({list(q)})")
