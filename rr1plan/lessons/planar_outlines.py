@@ -10,6 +10,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.model.flat_arm import flat_arm
+from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.outlines import silhouette
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
@@ -52,7 +53,7 @@ def planar_data(checker: CollisionChecker) -> dict[str, Any]:
 
 
 def view_data(scene: Scene) -> dict[str, object]:
-    """The part of the plane that the tools of a scene of 2R arms reach, and its height.
+    """The part of the plane that the tools of a scene of planar arms reach, and its height.
 
     Args:
         scene: A flat scene.
@@ -60,13 +61,12 @@ def view_data(scene: Scene) -> dict[str, object]:
     Returns:
         "view": [[x, y], [x, y]], its lower left and upper right corner [m]; "height": z of the first tool [m].
     """
-    arms = [flat_arm(arm) for arm in scene.arms.values()]
-    circles = [(arm.base, sum(abs(bar) for bar in arm.bars)) for arm in arms if arm is not None]
-    corners = np.array(
-        [[at.real + s * r, at.imag + s * r] for at, reach in circles for s, r in ((-1, reach), (1, reach))]
-    )
-    height = next(arm.height for arm in arms if arm is not None)
-    return {"view": [(1.04 * corners.min(axis=0)).tolist(), (1.04 * corners.max(axis=0)).tolist()], "height": height}
+    arms = [(flat, arm.robot.limits) for arm in scene.arms.values() if (flat := flat_arm(arm)) is not None]
+    circles = [reach_of(flat, limits) for flat, limits in arms]
+    low = np.min([circle.center - circle.radius for circle in circles], axis=0)
+    high = np.max([circle.center + circle.radius for circle in circles], axis=0)
+    margin = 0.02 * (high - low)
+    return {"view": [(low - margin).tolist(), (high + margin).tolist()], "height": arms[0][0].height}
 
 
 def _outline(name: str, shape: Shape, pose: Array) -> dict[str, object]:

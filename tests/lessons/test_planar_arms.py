@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.lessons.planar_outlines import view_data
 from rr1plan.model.flat_arm import flat_arm
 
 KINDS = ["RR", "RP", "PR", "PP"]
@@ -183,3 +184,18 @@ def test_a_convex_polygon_is_one_piece() -> None:
 def test_what_is_no_simple_polygon_is_refused(corners: list[tuple[float, ...]], said: str) -> None:
     with pytest.raises(rp.InputError, match=said):
         rp.polygon_prism(corners)
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (60.0, -40.0, 0.0)], ids=["origin", "far"])
+@pytest.mark.parametrize("kinds", KINDS)
+def test_the_view_of_panels_contains_all_that_the_tool_reaches(kinds: str, at: tuple[float, float, float]) -> None:
+    robot = rp.planar_arm(kinds, (1.0, 0.8))
+    scene = rp.Scene().with_arm("arm", robot, rp.transforms.pose(at))
+    arm = flat_arm(scene.arms["arm"])
+    assert arm is not None
+    low, high = np.array(view_data(scene)["view"])
+    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    tools = arm.points(np.random.default_rng(3).uniform(lower, upper, (200, 2)))[:, 2]
+    assert (low < tools.min(axis=0)).all()
+    assert (tools.max(axis=0) < high).all()
+    assert (high - low < 4.0).all()
