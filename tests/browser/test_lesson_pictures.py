@@ -124,6 +124,30 @@ def test_fixed_steps_find_what_the_text_says(page: tuple[Any, Any]) -> None:
         assert tab.page.locator("#panel-edge .verdict").inner_text().startswith(words)
 
 
+@pytest.mark.parametrize(("size", "unit", "step"), [(2e-3, "mm", "0.42 mm"), (50.0, "m", "10.5 m")])
+def test_distances_fit_the_size_of_the_arm(tab: Any, tmp_path: Path, size: float, unit: str, step: str) -> None:
+    wedge = rp.polygon_prism(size * np.array([(0.5, 0.5), (0.8, 0.4), (0.6, 0.9)]), height=0.2 * size)
+    gantry = rp.planar_arm("PP", (size, 0.8 * size), width=0.08 * size)
+    scene = rp.Scene().with_arm("arm", gantry).with_obstacle("wedge", wedge)
+    problem = rp.Problem(scene, (0.1 * size, 0.1 * size), (0.95 * size, 0.1 * size))
+    tab.page.add_init_script("""
+        window.written = [];
+        const usual = CanvasRenderingContext2D.prototype.fillText;
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
+            if (this.canvas.closest(".bars")) written.push(text);
+            return usual.call(this, text, ...more);
+        };
+    """)
+    lesson = rp.lesson("continuous_checking", problem=problem)
+    tab.open(lesson.save_html(tmp_path / "a.html"), "Boolean(window.RR1 && RR1.edge)")
+    wait_until(tab.page, "written.length > 4")
+    assert tab.page.locator("#panel-edge .steps output").inner_text() == step
+    written = set(tab.ask("written"))
+    assert f"distance [{unit}]" in written
+    assert 3 <= len([text for text in written if text.replace(".", "").isdigit()]) <= 7
+    assert tab.complaints == []
+
+
 @pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
 def test_the_region_of_a_proven_interval_is_in_view(page: tuple[Any, Any]) -> None:
     tab, _ = page

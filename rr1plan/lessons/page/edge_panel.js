@@ -3,6 +3,10 @@
 
 const part = (selector) => root.querySelector(selector);
 const TOLERANCE = 1e-6, MOST = 4000, SHORTEST = 1e-6;
+const STRAIGHT = data.joints.filter((joint) => joint.straight).length, RANGE = Math.max(...[0, 1].map((axis) => data.high[axis] - data.low[axis]));
+const WIDTH = data.view[1][0] - data.view[0][0]; // of what the tool reaches [m]
+const [UNIT, SCALE] = WIDTH < 0.1 ? ["mm", 1000] : WIDTH < 20 ? ["cm", 100] : ["m", 1];
+const LEAST = 0.032 * WIDTH; // the top of the axis of distances at least [m]
 
 /** Distances of all pairs beyond their padding, and the links they belong to. */
 function clearances(q) {
@@ -135,8 +139,8 @@ class EdgeLesson {
     this.refresh();
   }
 
-  /** Step of the samples [rad or m]; the slider is logarithmic, from 30° to 0.1°. */
-  get stepSize() { return (Math.PI / 180) * 30 * Math.exp((-Math.log(300) * this.step.value) / 100); }
+  /** Step of the samples [rad or m]; the slider is logarithmic, from 30° to 0.1°, or in the same ratio to the range of two prismatic joints. */
+  get stepSize() { return (STRAIGHT === 2 ? RANGE : 1) * (Math.PI / 180) * 30 * Math.exp((-Math.log(300) * this.step.value) / 100); }
 
   set stepDegrees(degrees) {
     this.step.value = (100 * Math.log(30 / degrees)) / Math.log(300);
@@ -266,7 +270,7 @@ class EdgeLesson {
     const { THREE } = viewer, group = new THREE.Group();
     for (const [name, parts] of Object.entries(data.outlines)) {
       const layer = data.layers.find((row) => row.name === name);
-      if (layer) for (const outline of parts) group.add(this.flat({ ...outline, radius: outline.radius + 0.008 }, null, layer.color, 1, data.height));
+      if (layer) for (const outline of parts) group.add(this.flat({ ...outline, radius: outline.radius + 0.002 * WIDTH }, null, layer.color, 1, data.height));
     }
     return group;
   }
@@ -284,7 +288,7 @@ class EdgeLesson {
     this.edge.at(interval.where).forEach((v, axis) => { full[data.columns[axis]] = v; });
     const poses = viewer.poses(full), firstPairs = new Map(data.pairs.map(({ a }, k) => [a, k]).reverse());
     return [...firstPairs].flatMap(([link, k]) => data.outlines[link].map((outline) => (
-      movedOutline({ ...outline, radius: outline.radius + Math.min(half * this.edge.travel[k], 3) }, poses[link]))));
+      movedOutline({ ...outline, radius: outline.radius + Math.min(half * this.edge.travel[k], 0.8 * WIDTH) }, poses[link]))));
   }
 
   /** The part of the plane with the reach of the arm and the region of the longest interval that is proven free. */
@@ -317,14 +321,13 @@ class EdgeLesson {
     };
     if (this.mode === "steps") { put(...this.stepWords()); return; }
     if (!current) { put("Nothing has been looked at yet.", "open"); return; }
-    const cm = (v) => `${(100 * v).toFixed(Math.abs(v) < 0.01 ? 2 : 1)} cm`.replace("-", "−");
     const names = `${current.pair.a.split("/").pop()} and ${current.pair.b.split("/").pop()}`;
     const last = this.shown === this.list.length, share = `${(100 * current.begin).toFixed(1)} to ${(100 * current.end).toFixed(1)} %`;
     if (current.verdict === "contact") put(`Contact at ${(100 * current.where).toFixed(2)} % of the edge: ${names}. The edge is not free, and this configuration shows it.`, "bad");
     else if (current.verdict === "free") {
       const all = last ? ` All is proven: the edge is free, after ${this.list.length} ${this.list.length === 1 ? "distance" : "distances"}.` : "";
-      put(`${share}: distance ${cm(current.distance)} between ${names}, which approach each other by ${cm(current.bound)} at most. Proven free.${all}`, "good");
-    } else put(`${share}: distance ${cm(current.distance)} between ${names}, which might approach each other by ${cm(current.bound)}. Not proven, so the interval is halved.`, "open");
+      put(`${share}: distance ${readable(current.distance)} between ${names}, which approach each other by ${readable(current.bound)} at most. Proven free.${all}`, "good");
+    } else put(`${share}: distance ${readable(current.distance)} between ${names}, which might approach each other by ${readable(current.bound)}. Not proven, so the interval is halved.`, "open");
   }
 
   stepWords() {
@@ -385,7 +388,7 @@ class EdgeLesson {
     for (let k = 0; k < 96; k++) {
       const angle = (k * Math.PI) / 48, [c, s] = [Math.cos(angle), Math.sin(angle)];
       const rates = data.pairs.map(({ levers }) => levers[0] * Math.abs(c) + levers[1] * Math.abs(s));
-      const r = Math.min(...distances.map((d, i) => (rates[i] > 1e-12 ? d / rates[i] : Infinity)), 7);
+      const r = Math.min(...distances.map((d, i) => (rates[i] > 1e-12 ? d / rates[i] : Infinity)), 1.5 * RANGE);
       corners.push([center[0] + r * c, center[1] + r * s]);
     }
     pen.save();
@@ -402,14 +405,14 @@ class EdgeLesson {
   drawBars(pen, unit) {
     const { bars, edge, current } = this, { width, height } = bars.canvas;
     const left = 38 * unit, right = width - 8 * unit, top = 24 * unit, floor = height - 30 * unit;
-    const most = Math.max(0.12, 1.06 * Math.max(...edge.curve));
+    const most = Math.max(LEAST, 1.06 * Math.max(...edge.curve));
     const x = (s) => left + s * (right - left), y = (v) => floor - (clamp(v, 0, most) / most) * (floor - top);
     bars.font(11);
     Object.assign(pen, { fillStyle: SOFT, strokeStyle: "#e3e7ec", lineWidth: bars.ratio, textBaseline: "middle", textAlign: "right" });
-    const grid = most > 0.5 ? 0.2 : most > 0.25 ? 0.1 : 0.05;
+    const power = 10 ** Math.floor(Math.log10(most)), grid = power * (most > 5 * power ? 2 : most > 2.5 * power ? 1 : 0.5);
     for (let v = 0; v <= most; v += grid) {
       pen.beginPath(); pen.moveTo(left, y(v)); pen.lineTo(right, y(v)); pen.stroke();
-      pen.fillText(`${Math.round(100 * v)}`, left - 6 * unit, y(v));
+      pen.fillText(`${Number((SCALE * v).toPrecision(3))}`, left - 6 * unit, y(v));
     }
     if (this.mode !== "steps") this.drawBounds(pen, unit, x, y);
     for (const [a, b] of this.inContact) {
@@ -427,7 +430,7 @@ class EdgeLesson {
       }
     } else if (current) dot(pen, x(current.where), y(current.distance), 4.5 * unit, "#fff", INK, 2.2 * unit);
     bars.write("along the edge", 0.5 * (left + right), height - 9 * unit, { color: SOFT, weight: 400, size: 11.5 });
-    bars.write("distance [cm]", left - 20 * unit, 9 * unit, { color: INK, align: "left", size: 11.5 });
+    bars.write(`distance [${UNIT}]`, left - 20 * unit, 9 * unit, { color: INK, align: "left", size: 11.5 });
     if (this.mode !== "steps") bars.write("motion bound", right, 9 * unit, { color: current && current.verdict === "halved" ? "#9a5f00" : FREE, align: "right", size: 11.5 });
   }
 
@@ -453,9 +456,13 @@ class EdgeLesson {
   }
 }
 
-/** A length in configuration space: degrees if both joints turn, centimeters if both slide, else without a unit. */
+/** A distance [m] in the unit for arms of this size. */
+function readable(distance) { return `${(SCALE * distance).toFixed(Math.abs(SCALE * distance) < 1 ? 2 : 1)} ${UNIT}`.replace("-", "−"); }
+
+/** A length in configuration space: degrees if both joints turn, a distance if both slide, else without a unit. */
 function extent(length) {
-  const straight = data.joints.filter((joint) => joint.straight).length, [scale, unit] = [[180 / Math.PI, "°"], [1, ""], [100, " cm"]][straight];
+  if (STRAIGHT === 2) return readable(length);
+  const [scale, unit] = STRAIGHT ? [1, ""] : [180 / Math.PI, "°"];
   return `${(scale * length).toFixed(scale * length < 1 ? 2 : 1)}${unit}`;
 }
 
