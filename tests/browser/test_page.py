@@ -457,6 +457,23 @@ def test_the_clock_of_a_short_motion_has_more_digits(tab: Any, planar2r: rp.Robo
     assert "0.0100 s" in tab.page.inner_text("#facts")
 
 
+def test_all_times_of_a_short_motion_have_more_digits(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    slow = rp.plan_motion(rp.Problem(scene, (0.0, 0.5), (1.0, 0.7))).trajectory
+    rp.save_csv(tmp_path / "short.csv", slow.stretched(0.001 / slow.duration), dt=0.00002)
+    motion = rp.load_motion(tmp_path / "short.csv", scene)
+    options = rp.ViewOptions(play=False, compare={"slower": motion.trajectory.stretched(3.0)})
+    tab.open(motion.save_html(tmp_path / "short.html", options=options))
+    assert "0.0030 s" in tab.page.inner_text("#facts")
+    titles = tab.ask("[...document.querySelectorAll('.meter, #marks *')].map((mark) => mark.title).filter(Boolean)")
+    assert titles
+    assert [title for title in titles if "0.00 s" in title] == []
+    tab.page.keyboard.press("g")
+    tab.ask("RR1.seek(0.00042)")
+    words = "[...document.querySelectorAll('#plots [aria-valuetext]')].map((area) => area.ariaValueText)"
+    wait_until(tab.page, f"{words}.some((words) => words.startsWith('0.0004 s'))")
+
+
 def test_a_motion_starts_by_itself_unless_the_reader_wants_less_motion(
     tab: Any, planar2r: rp.Robot, tmp_path: FilePath
 ) -> None:

@@ -40,7 +40,7 @@ class Conflicts {
   marks(length, spacing = 0.006) {
     const marks = [];
     for (const conflict of this.all) {
-      const { subject, time, simulated } = conflict, name = `${nameOf(conflict)} at ${seconds(time)}${simulated ? " (simulated)" : ""}`, last = marks[marks.length - 1];
+      const { subject, time, simulated } = conflict, name = `${nameOf(conflict)} at ${seconds(time, length)}${simulated ? " (simulated)" : ""}`, last = marks[marks.length - 1];
       if (last && time - last.time <= spacing * length) { last.names.push(name); last.subject.push(...subject); }
       else marks.push({ time, subject: [...subject], names: [name] });
     }

@@ -192,7 +192,10 @@ class Controls {
     if (margins.self_clearance) rows.push(["Self clearance", length(margins.self_clearance.value)]);
     const around = this.viewer.world.spheres.summary();
     if (around) rows.push(["Spheres", around]);
-    for (const other of doc.compare) rows.push([other.name, seconds(this.viewer.others.get("compare").end - this.viewer.others.get("compare").start)]);
+    for (const other of doc.compare) {
+      const { start, end } = this.viewer.others.get("compare");
+      rows.push([other.name, seconds(end - start, end - start)]);
+    }
     if (doc.replay) {
       const { worst_error: worst, worst_joint: joint, tracked, contacts, mode } = doc.replay.summary;
       const unit = this.viewer.slides[this.viewer.joints.indexOf(joint)] ? "mm" : "mrad";
@@ -242,7 +245,7 @@ class Controls {
   margin(name, { value, unit, subject, time }) {
     const row = element("button", undefined, unit !== "m" && value > 1 ? "meter over" : "meter");
     row.type = "button";
-    row.title = [subject.join(" and "), time === null ? "" : `at ${seconds(time)}`].join(" ");
+    row.title = [subject.join(" and "), time === null ? "" : `at ${seconds(time, this.viewer.duration)}`].join(" ");
     row.onclick = () => this.viewer.point(time, unit === "m" ? subject : []);
     const groove = element("i"), bar = element("b");
     bar.style.width = unit === "m" ? "0" : `${Math.min(100, 100 * value)}%`;

@@ -428,7 +428,7 @@ class Editing {
     this.show({ track, path: answer.shortened, report: reportOf(answer, viewer), planned: `${spent}, seed ${planning.seed}` }, planning.poses);
     viewer.play();
     const proven = omitted ? "Motion" : "Certified motion";
-    const said = `${answer.certified ? proven : `Not proven (${answer.fault}): motion`} of ${seconds(viewer.duration)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
+    const said = `${answer.certified ? proven : `Not proven (${answer.fault}): motion`} of ${seconds(viewer.duration, viewer.duration)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
     card.say(`${said}${omitted && `, ${omitted}`}.`, answer.certified && !omitted ? "good" : "open");
     this.measure(this.motion, answer.track, said);
   }

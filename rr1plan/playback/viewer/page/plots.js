@@ -427,7 +427,7 @@ class Chart {
     const values = this.curves.map((curve) => ({ curve, value: curve.at(t) }));
     const words = viewer.manual ? "" : this.words(values);
     if (this.said.textContent !== words) this.said.textContent = words;
-    this.area.setAttribute("aria-valuetext", `${seconds(t)}, ${words}`);
+    this.area.setAttribute("aria-valuetext", `${seconds(t, viewer.duration)}, ${words}`);
     pen.globalAlpha = viewer.manual ? 0.25 : 1;
     pen.strokeStyle = INK;
     pen.lineWidth = 1.5;

@@ -58,7 +58,7 @@ class SideBySide {
   place() {
     const { viewer } = this, { stage, player } = viewer, box = find("tiles");
     if (!this.kinds.length) { box.replaceChildren(); return; }
-    const length = (track) => (track ? `, ${seconds(track.end - track.start)}` : ""), { compare } = viewer.document;
+    const length = (track) => (track ? `, ${seconds(track.end - track.start, track.end - track.start)}` : ""), { compare } = viewer.document;
     const names = { replay: () => "Simulated", compare: () => `${compare[0].name}${length(viewer.others.get("compare"))}` };
     const texts = [`Plan${viewer.document.track.timed ? length(player.track) : ""}`, ...this.kinds.map((kind) => names[kind]())];
     const floor = Math.min(...["bar", "plots"].map((id) => find(id).getBoundingClientRect()).map(({ height, top }) => (height ? top : Infinity)));
