@@ -422,7 +422,12 @@ viewer.preferred = settings.view;
 viewer.load(JSON.parse(find("document").textContent));
 for (const panel of settings.panels) {
   viewer.panelData[panel.name] = panel.data;
-  mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+  // A mistake in the script of one panel stops neither the page nor other panels; the browser's console shows it.
+  try {
+    mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+  } catch (error) {
+    reportError(error);
+  }
 }
 // A live page that was saved from the browser has no program to follow.
 if (settings.live && (settings.live.address || location.protocol !== "file:")) viewer.live = new Live(viewer, settings.live);
