@@ -192,9 +192,9 @@ def plan_many_arms(
         progress: Called about ten times a second; False cancels.
 
     Returns:
-        The motion, or why there is none, INVALID_START or INVALID_GOAL with the links in contact and their depth,
-        INFEASIBLE with the joint of an arm that cannot pass stationary objects or other arms, TIMEOUT with the arms
-        that have no schedule and the arms among which none was found, or CANCELLED.
+        The motion, or why there is none. The status is then INVALID_START or INVALID_GOAL with the links in contact and
+        their depth, INFEASIBLE with the joint of an arm that cannot pass stationary objects or other arms, TIMEOUT with
+        the arms that have no schedule and the arms among which none was found, or CANCELLED.
 
     Raises:
         UnknownNameError: an unknown method or retiming.

@@ -193,9 +193,9 @@ def plan(
         progress: Called about ten times a second; it may return False to cancel.
 
     Returns:
-        The path, or why there is none, INVALID_START, INVALID_GOAL (which elements collide and how deep, which joint
-        exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal, or a joint provably cannot pass
-        an obstacle, which RRT-Connect detects), TIMEOUT, CANCELLED.
+        The path, or why there is none. The status is then INVALID_START or INVALID_GOAL (which elements collide and how
+        deep, which joint exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal, or a joint
+        provably cannot pass an obstacle, which RRT-Connect detects), TIMEOUT or CANCELLED.
 
     Raises:
         UnknownNameError: no such planner.

@@ -4,9 +4,9 @@
 const part = (selector) => root.querySelector(selector);
 const TOLERANCE = 1e-6, MOST = 4000, SHORTEST = 1e-6;
 const STRAIGHT = data.joints.filter((joint) => joint.straight).length, RANGE = Math.max(...[0, 1].map((axis) => data.high[axis] - data.low[axis]));
-const WIDTH = data.view[1][0] - data.view[0][0]; // of what the tool reaches [m]
+const WIDTH = data.view[1][0] - data.view[0][0]; // of the part of the plane that the tool reaches [m]
 const [UNIT, SCALE] = WIDTH < 0.1 ? ["mm", 1000] : WIDTH < 20 ? ["cm", 100] : ["m", 1];
-const LEAST = 0.032 * WIDTH; // the top of the axis of distances at least [m]
+const LEAST = 0.032 * WIDTH; // the axis of distances ends there or higher [m]
 
 /** Distances of all pairs beyond their padding, and the links they belong to. */
 function clearances(q) {
