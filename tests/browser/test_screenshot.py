@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,13 +28,6 @@ def test_a_picture_has_its_size_and_shows_something(planar2r: rp.Robot, tmp_path
 def test_a_missing_page_is_named(tmp_path: FilePath) -> None:
     with pytest.raises(rp.InputError, match="save_html"):
         screenshot(tmp_path / "page.png", tmp_path / "nowhere.html")
-
-
-def test_a_value_without_a_page_is_named(tmp_path: FilePath, planar2r: rp.Robot) -> None:
-    names = rp.Scene().with_arm("arm", planar2r).joint_names()
-    page: Any = rp.Trajectory.from_samples(names, [0.0, 1.0], [[0.0, 0.0], [0.1, 0.1]])
-    with pytest.raises(rp.InputError, match="has no page, expected a scene"):
-        screenshot(tmp_path / "page.png", page)
 
 
 @pytest.mark.usefixtures("needs_browser")

@@ -174,10 +174,10 @@ def opened_page(page: Page, size: tuple[int, int], bare: bool = False, step: int
     with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
         if isinstance(page, Viewer):
             url = page.url
-        elif isinstance(page, str | os.PathLike):
-            url = _file_url(page)
-        else:
+        elif isinstance(page, HasPage | Scene | Robot | Problem):
             url = _file_url(write_text(FilePath(folder) / "page.html", page_html(*page_content(page))))
+        else:
+            url = _file_url(page)
         with open_browser(size) as context:
             tab = context.pages[0]
             wishes = [*["bare"] * bare, *([] if step is None else [f"step={whole_number('step', step, 1, 99)}"])]
