@@ -64,7 +64,8 @@ def test_every_public_value_shows_itself_in_a_line(motion: rp.MotionPlan) -> Non
 
 
 def test_a_tuple_of_one_tuple_reads_as_such() -> None:
-    assert "allow=(('cup', 'table'),)" in repr(rp.MoveGripper("open", allow=[("cup", "table")]))
+    shown = repr(rp.MoveGripper("open", allow=[("cup", "table")]))
+    assert any(f"allow=({pair},)" in shown for pair in ("('cup', 'table')", "('table', 'cup')"))  # a set
 
 
 def test_no_plan_shows_its_reason() -> None:
