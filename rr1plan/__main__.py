@@ -16,10 +16,10 @@ def main() -> None:
     """Run the command line and exit with its code."""
     try:
         with leaving_at_once():
-            import gc
             import io
 
             from rr1plan.cli import run
+            from rr1plan.shutdown import omit_collection
 
         for stream in (sys.stdout, sys.stderr):
             # A terminal that cannot encode a character shows its escape code.
@@ -31,10 +31,7 @@ def main() -> None:
         code = INTERRUPTED
     # Ctrl-C during the interpreter's shutdown would print a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # Otherwise the interpreter collects the objects of all libraries at shutdown, which takes a quarter of a second.
-    # OMPL's binding reports remaining objects as leaks, so with OMPL they are collected.
-    if "ompl" not in sys.modules:
-        gc.freeze()
+    omit_collection()
     sys.exit(code)
 
 

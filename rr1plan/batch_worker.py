@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import atexit
-import gc
 import multiprocessing
 import os
 import pickle
 import signal
-import sys
 import threading
 import traceback
 from collections.abc import Callable
@@ -18,6 +16,7 @@ from rr1plan.pipeline import plan_motion
 from rr1plan.planners import plan
 from rr1plan.planning import Budget, Planner, Progress
 from rr1plan.scene.problem import Problem
+from rr1plan.shutdown import omit_collection
 
 
 class Settings(NamedTuple):
@@ -70,16 +69,7 @@ def begin_worker(stop: Any, ended: Any) -> None:
     # Ctrl-C reaches the whole process group; the parent process decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    atexit.register(_leave_objects)
-
-
-def _leave_objects() -> None:
-    """Omit the collection of all libraries' objects at exit, which takes a quarter of a second.
-
-    OMPL's binding reports remaining objects as leaks, so with OMPL they are collected.
-    """
-    if "ompl" not in sys.modules:
-        gc.freeze()
+    atexit.register(omit_collection)
 
 
 def _end_with_parent() -> None:
