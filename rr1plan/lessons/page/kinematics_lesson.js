@@ -4,10 +4,8 @@ const own = data.own, { flat } = own, { THREE } = viewer;
 const space = viewer.lesson;
 const fixed = (v, digits = 3) => (Number.isFinite(v) ? (Math.abs(v) < 0.5 * 10 ** -digits ? 0 : v).toFixed(digits).replace("-", "−") : "∞");
 const angle = (v) => `${tenths((180 / Math.PI) * v)}°`;
-/** Decimals of a length [m], more of them for small arms. */
-const decimalsOf = (least) => Math.max(least, 2 - Math.floor(Math.log10(space.workspace.outer)));
-const place = (v) => `${fixed(v, decimalsOf(3))} m`;
-const reading = (v, k) => (own.joints[k].slides ? place(v) : angle(v));
+const meters = (v, least) => placed(v, 2 * space.workspace.outer, least);
+const reading = (v, k) => (own.joints[k].slides ? `${meters(v)} m` : angle(v));
 const wrap = (v) => Math.atan2(Math.sin(v), Math.cos(v));
 
 class Kinematics {
@@ -224,13 +222,13 @@ class Kinematics {
     const turning = [...flat.kinds].filter((kind) => kind === "R").length, unit = ["", " m", " m²"][turning];
     const determinant = (v) => fixed(v, Math.max(3, 2 - Math.floor(Math.log10(own.largest || 1)))) + unit;
     const values = {
-      x: place(points[2][0]), y: place(points[2][1]), det: determinant(det), w: determinant(Math.abs(det)),
-      s1: fixed(sizes[0], decimalsOf(3)) + (turning === 2 ? " m" : ""), s2: fixed(sizes[1], decimalsOf(3)) + (turning === 2 ? " m" : ""),
+      x: `${meters(points[2][0])} m`, y: `${meters(points[2][1])} m`, det: determinant(det), w: determinant(Math.abs(det)),
+      s1: meters(sizes[0]) + (turning === 2 ? " m" : ""), s2: meters(sizes[1]) + (turning === 2 ? " m" : ""),
       one: say(q), two: say(twin) || (this.isSingle(q) ? "the same" : "out of range"),
       q0: reading(q[0], 0), q1: reading(q[1], 1),
     };
     const isLength = (name, i, k) => (name === "J" ? flat.kinds[k] === "R" : k === 2 && i < 2);
-    for (const [name, matrix] of Object.entries({ A, B, C, J })) matrix.forEach((row, i) => row.forEach((v, k) => { values[`${name}${i}${k}`] = fixed(v, isLength(name, i, k) ? decimalsOf(2) : 2); }));
+    for (const [name, matrix] of Object.entries({ A, B, C, J })) matrix.forEach((row, i) => row.forEach((v, k) => { values[`${name}${i}${k}`] = isLength(name, i, k) ? meters(v, 2) : fixed(v, 2); }));
     for (const node of this.live) if (node.textContent !== values[node.dataset.live]) node.textContent = values[node.dataset.live];
   }
 

@@ -417,9 +417,12 @@ const decimals = (value, digits) => (Math.round(10 ** digits * value) / 10 ** di
 const tenths = (value) => decimals(value, 1);
 /** The unit of lengths up to a given one [m], and its scale. */
 const lengthUnit = (largest) => (largest < 10 ? { unit: "mm", scale: 1000 } : { unit: "m", scale: 1 });
-/** A coordinate [m] with digits down to less than a thousandth of a given size [m], with a minus sign, never "−0.000". */
-const placed = (meters, span) => {
-  const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), 3), 9));
+/**
+ * A coordinate [m] with digits down to less than a thousandth of a given size [m], at least some decimals, and a minus
+ * sign, never "−0.000".
+ */
+const placed = (meters, span, least = 3) => {
+  const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), least), 9));
   return text.replace("-", Number(text) === 0 ? "" : "−");
 };
 /** A distance in its most readable unit, with digits down to a micrometer where it is small. */
