@@ -14,7 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import joint_times
-from rr1plan.multi.search.sequential_moves import SequentialMoves, _at
+from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.search.space_time import SpaceTimeSearch
 
 Check = Callable[..., None]
@@ -77,18 +77,6 @@ def test_the_same_seed_gives_the_same_moves(planar2r: rp.Robot) -> None:
     assert len(first) == len(second) > 1
     for one, two in zip(first, second, strict=True):
         np.testing.assert_array_equal(one, two)
-
-
-def test_a_polyline_is_where_each_of_its_columns_is() -> None:
-    rng = np.random.default_rng(0)
-    for count in (1, 2, 6):
-        times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, count - 1))])
-        points = rng.normal(size=(count, 4))
-        instants = np.unique(np.concatenate([times, rng.uniform(0.0, times[-1] + 1.0, 20)]))
-        expected = np.column_stack([np.interp(instants, times, column) for column in points.T])
-        found = _at(instants, times, points)
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-14)
-        np.testing.assert_array_equal(found[np.searchsorted(instants, times)], points)
 
 
 def test_a_goal_in_contact_is_not_reached(planar2r: rp.Robot) -> None:

@@ -25,6 +25,7 @@ from rr1plan.kernels.random_state import random_state
 from rr1plan.model.joint_space import Space
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import joint_times
+from rr1plan.multi.paths.nominal_clock import Track
 from rr1plan.multi.paths.path_refinement import estimated_duration
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.stopwatch import Stopwatch
@@ -191,29 +192,33 @@ class SequentialMoves:
 
     def _overlapped(self, checker: CollisionChecker, q: Array, moves: Sequence[Array]) -> Array:
         """Waypoints of all moves, each started as early as possible during the moves before it, shape (n, nq)."""
-        times, points = np.zeros(1), q[None]
+        track = Track(np.zeros(1), q[None])
         for move in moves:
             changes = move.min(axis=0) < move.max(axis=0)
             moving = np.concatenate(
                 [np.full(columns.stop - columns.start, changes[columns].any()) for columns in self._columns]
             )
-            own = np.concatenate([[0.0], np.cumsum(joint_times(np.diff(move, axis=0), self._agent.limits).max(axis=1))])
-            before = np.flatnonzero((points[1:, moving] != points[:-1, moving]).any(axis=1))
-            earliest, latest = float(times[before[-1] + 1]) if len(before) else 0.0, float(times[-1])
-            made = _with_move(times, points, latest, own, move, moving)
+            durations = joint_times(np.diff(move, axis=0), self._agent.limits).max(axis=1)
+            own = Track(np.append(0.0, np.cumsum(durations)), move)
+            before = np.flatnonzero((track.points[1:, moving] != track.points[:-1, moving]).any(axis=1))
+            earliest = float(track.times[before[-1] + 1]) if len(before) else 0.0
+            latest = float(track.times[-1])
+            made = _with_move(track, latest, own, moving)
             departure = earliest
             for _ in range(_HALVINGS if self._watch.goes_on() else 0):
-                tried = _with_move(times, points, departure, own, move, moving)
-                if checker.path_is_free(tried[1]):
+                tried = _with_move(track, departure, own, moving)
+                if checker.path_is_free(tried.points):
                     made, latest = tried, departure
                 else:
                     earliest = departure
                 if latest == earliest:
                     break
                 departure = 0.5 * (earliest + latest)
-            kept = int(np.searchsorted(times, latest))
-            times, points = np.concatenate([times[:kept], made[0]]), np.concatenate([points[:kept], made[1]])
-        return points
+            kept = int(np.searchsorted(track.times, latest))
+            track = Track(
+                np.concatenate([track.times[:kept], made.times]), np.concatenate([track.points[:kept], made.points])
+            )
+        return track.points
 
     # ---- moves -------------------------------------------------------------------------------
 
@@ -277,36 +282,16 @@ class SequentialMoves:
         return None
 
 
-def _with_move(
-    times: Array, points: Array, departure: float, own: Array, move: Array, moving: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """Add a move to others; returns times and waypoints from its departure on.
+def _with_move(track: Track, departure: float, move: Track, moving: NDArray[np.bool_]) -> Track:
+    """The part of a track from a departure on, with a move added to it.
 
     Args:
-        times: Times of the waypoints of the other moves, shape (n,).
-        points: Their waypoints, all arms, shape (n, nq).
+        track: The other moves, of all arms.
         departure: When the move starts.
-        own: Times of its waypoints relative to the departure, shape (m,).
-        move: Its waypoints, all arms, shape (m, nq).
+        move: The move of all arms, on a clock of its own.
         moving: Mask of the columns of the arms that it moves, shape (nq,).
     """
-    knots = np.unique(np.concatenate([times[times > departure], departure + own]))
-    made = _at(knots, times, points)
-    made[:, moving] = _at(knots, departure + own, move[:, moving])
-    return knots, made
-
-
-def _at(instants: Array, times: Array, points: Array) -> Array:
-    """Points of a polyline at some instants, shape (k, nq); constant after its last waypoint.
-
-    Args:
-        instants: Instants, none before the first of the times, shape (k,).
-        times: Times of the waypoints, shape (n,).
-        points: Waypoints, shape (n, nq).
-    """
-    row = np.minimum(np.searchsorted(times, instants, side="right") - 1, max(0, len(times) - 2))
-    after = np.minimum(row + 1, len(times) - 1)
-    durations = times[after] - times[row]
-    share = np.clip((instants - times[row]) / np.where(durations > 0.0, durations, 1.0), 0.0, 1.0)[:, None]
-    # Exact at both ends.
-    return np.asarray(np.where(share == 1.0, points[after], points[row] + share * (points[after] - points[row])))
+    instants = np.unique(np.concatenate([track.times[track.times > departure], departure + move.times]))
+    points = track.at(instants)
+    points[:, moving] = Track(departure + move.times, move.points[:, moving]).at(instants)
+    return Track(instants, points)
