@@ -22,6 +22,7 @@ from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.kernels.planner_kernels import LIBRARY, load_library
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.arm_replanning import replanned, search_in_time
+from rr1plan.multi.paths.nominal_clock import Track
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.planners import Roadmap, RrtConnect
 from rr1plan.planners.shortcut import shorten
@@ -124,8 +125,9 @@ def other_motions():
     own = agent.columns[agent.arms[0]]
     left_out[own] = 0
     for flags in (None, left_out):
-        found = search_in_time(checker, np.array([0.0, 3.0]), ends, own, agent.limits, rng, samples=60, left_out=flags)
-        yield None if found is None else found[1].tobytes()
+        track = Track(np.array([0.0, 3.0]), ends)
+        found = search_in_time(checker, track, own, agent.limits, rng, samples=60, left_out=flags)
+        yield None if found is None else found.points.tobytes()
 
 
 def solutions():

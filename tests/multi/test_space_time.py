@@ -14,6 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.arm_replanning import search_in_time
+from rr1plan.multi.paths.nominal_clock import Track
 from rr1plan.multi.search.space_time import SpaceTimeSearch
 from rr1plan.multi.stopwatch import Stopwatch
 
@@ -56,24 +57,24 @@ def test_arms_that_are_left_out_are_ignored(planar2r: rp.Robot) -> None:
     problem = rp.Problem(
         scene, {"left": [-1.0, 0.0], "right": [np.pi, 0.0]}, {"left": [1.0, 0.0], "right": [np.pi, 0.0]}
     )
-    agent, times = Agent(problem, problem.arms), np.array([0.0, 2.0])
-    points = np.stack([problem.start, goal_configuration(problem)])
+    agent = Agent(problem, problem.arms)
+    track = Track(np.array([0.0, 2.0]), np.stack([problem.start, goal_configuration(problem)]))
     checker, own = CollisionChecker(scene, problem.arms), agent.columns["left"]
     left_out = np.zeros(4, np.uint8)
     left_out[agent.columns["right"]] = 1
     answers = [
-        search_in_time(checker, times, points, own, agent.limits, np.random.default_rng(0), samples=0, left_out=flags)
+        search_in_time(checker, track, own, agent.limits, np.random.default_rng(0), samples=0, left_out=flags)
         for flags in (None, left_out)
     ]
     assert answers[0] is None
     assert answers[1] is not None
-    np.testing.assert_array_equal(answers[1][0], times)
-    np.testing.assert_array_equal(answers[1][1], points[:, own])
+    np.testing.assert_array_equal(answers[1].times, track.times)
+    np.testing.assert_array_equal(answers[1].points, track.points[:, own])
     # Its own links and obstacles still count, and so do all pairs of later certificates.
-    assert not checker.edge_is_free(*points)
+    assert not checker.edge_is_free(*track.points)
     walled = scene.with_obstacle("wall", rp.Box((0.1, 0.1, 1.0)), (-0.5, 0.0, 0.0))
     checker = CollisionChecker(walled, problem.arms)
-    given = checker, times, points, own, agent.limits, np.random.default_rng(0)
+    given = checker, track, own, agent.limits, np.random.default_rng(0)
     assert search_in_time(*given, samples=0, left_out=left_out) is None
 
 
@@ -98,7 +99,7 @@ def test_a_long_search_looks_at_the_clock(planar2r: rp.Robot) -> None:
         looks.append(None)
         return len(looks) < 3
 
-    given = checker, np.array([0.0, 20.0]), points, agent.columns["left"], agent.limits, np.random.default_rng(0)
+    given = checker, Track(np.array([0.0, 20.0]), points), agent.columns["left"], agent.limits, np.random.default_rng(0)
     assert search_in_time(*given, samples=10_000, goes_on=goes_on) is None
     assert len(looks) == 3
 

@@ -16,7 +16,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
-from rr1plan.multi.paths.nominal_clock import nominal_velocity
+from rr1plan.multi.paths.nominal_clock import Track, nominal_velocity
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.robot.joint_limits import Limits
 
@@ -41,13 +41,13 @@ def replanned(path: PacedPolyline, checker: CollisionChecker, rng: np.random.Gen
     """
     points, duration = path.points, path.arm_times.max(axis=1).sum()
     # Durations of the edges without each arm, shape (edges, arms).
-    others = np.stack([np.delete(path.arm_times, k, axis=1).max(axis=1) for k in range(len(path.columns))], axis=1)
-    gains = duration - others.sum(axis=0)
+    without = np.stack([np.delete(path.arm_times, k, axis=1).max(axis=1) for k in range(len(path.columns))], axis=1)
+    gains = duration - without.sum(axis=0)
     gains[gains < (1.0 - _OTHERS) * duration] = 0.0
     if gains.sum() == 0.0:
         return None
     arm = int(rng.choice(len(gains), p=gains / gains.sum()))
-    own, times = path.columns[arm], np.concatenate([[0.0], np.cumsum(others[:, arm])])
+    own, times = path.columns[arm], np.concatenate([[0.0], np.cumsum(without[:, arm])])
     # Waypoints between which only this arm moves coincide.
     kept = np.concatenate([[True], np.diff(times) > 0.0])
     if kept.sum() < 2:
@@ -58,20 +58,19 @@ def replanned(path: PacedPolyline, checker: CollisionChecker, rng: np.random.Gen
     times = times[kept] * (most / times[-1])
     given = points[kept]
     given[-1] = points[-1]
-    found = search_in_time(checker, times, given, own, path.limits, rng, samples=_SAMPLES)
+    others = Track(times, given)
+    found = search_in_time(checker, others, own, path.limits, rng, samples=_SAMPLES)
     if found is None:
         return None
-    knot_times, knots = found
-    instants = np.union1d(times, knot_times)
-    made = np.column_stack([np.interp(instants, times, column) for column in given.T])
-    made[:, own] = np.column_stack([np.interp(instants, knot_times, q) for q in knots.T])
+    instants = np.union1d(times, found.times)
+    made = others.at(instants)
+    made[:, own] = found.at(instants)
     return made
 
 
 def search_in_time(
     checker: CollisionChecker,
-    times: Array,
-    points: Array,
+    others: Track,
     own: slice,
     limits: Limits,
     rng: np.random.Generator,
@@ -79,13 +78,12 @@ def search_in_time(
     samples: int,
     left_out: NDArray[np.uint8] | None = None,
     goes_on: Callable[[], bool] = lambda: True,
-) -> tuple[Array, Array] | None:
+) -> Track | None:
     """Search for a motion of one arm among others whose motions are given.
 
     Args:
         checker: Certifies edges of the joints of all arms.
-        times: Times of the waypoints, ascending from 0 [s], shape (n,).
-        points: Waypoints of all arms, shape (n, nq); of the arm itself only its start and its goal matter.
+        others: The motions of all arms; of the arm itself only its start and its goal matter.
         own: Columns of the arm.
         limits: Limits of all joints; a missing velocity limit counts as 1.
         rng: Source of random numbers.
@@ -94,16 +92,15 @@ def search_in_time(
         goes_on: Whether time is left; called every few samples.
 
     Returns:
-        Times [s], shape (m,), and waypoints of the arm at its velocity limits or slower, shape (m, width); None if no
-        motion is found.
+        The motion of the arm, at its velocity limits or slower; None if none is found.
     """
-    nq, width = points.shape[1], own.stop - own.start
+    nq, width = others.points.shape[1], own.stop - own.start
     knots, knot_times = np.empty((samples + 2, width)), np.empty(samples + 2)
     search = CStruct(
         "ArmReplan",
-        times=times,
-        points=points,
-        count=len(points),
+        times=others.times,
+        points=others.points,
+        count=len(others.points),
         column_count=nq,
         first_column=own.start,
         width=width,
@@ -127,4 +124,4 @@ def search_in_time(
             break
         search.set(samples=min(samples, first + _SAMPLES_AT_ONCE))
         count = checker.run_edge_kernel(kernel, search, random)
-    return (knot_times[:count], knots[:count]) if count else None
+    return Track(knot_times[:count], knots[:count]) if count else None

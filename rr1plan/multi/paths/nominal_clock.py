@@ -16,10 +16,10 @@ _SHORTEST = 1e-6  # shortest step
 
 
 class Track(NamedTuple):
-    """A polyline on the nominal clock; constant after its last waypoint.
+    """A polyline on the nominal clock; constant before its first and after its last waypoint.
 
     Args:
-        times: Time of each waypoint, ascending from 0, shape (n,).
+        times: Time of each waypoint, ascending, shape (n,).
         points: Waypoints, shape (n, nq).
     """
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.multi.paths.nominal_clock import nominal_velocity
+from rr1plan.multi.paths.nominal_clock import Track, nominal_velocity
 from rr1plan.robot.joint_limits import Limits
 
 # Probabilities that a waypoint of one arm moves, and of all arms; otherwise one arm goes via a random configuration.
@@ -83,9 +83,6 @@ class PacedPolyline:
         size = _AWAY * rng.random() ** 2 * float(np.linalg.norm(end - begin))
         low, high = self.limits.lower[columns], self.limits.upper[columns]
         via = np.clip(middle + size * rng.standard_normal(middle.shape), low, high)
-        knots = self._times[[first, row, last]]
         made = self.points.copy()
-        made[first : last + 1, columns] = np.column_stack(
-            [np.interp(times, knots, column) for column in np.stack([begin, via, end]).T]
-        )
+        made[first : last + 1, columns] = Track(self._times[[first, row, last]], np.stack([begin, via, end])).at(times)
         return made

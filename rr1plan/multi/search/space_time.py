@@ -85,10 +85,9 @@ class SpaceTimeSearch:
             left_out[columns[other]] = 0
         left_out[columns[arm]] = 0
         points[-1, columns[arm]] = self._alone[arm].points[-1]
-        found = search_in_time(
+        return search_in_time(
             checker,
-            times,
-            points,
+            Track(times, points),
             columns[arm],
             agent.limits,
             self._rng,
@@ -96,7 +95,6 @@ class SpaceTimeSearch:
             left_out=left_out,
             goes_on=self._watch.goes_on,
         )
-        return None if found is None else Track(*found)
 
 
 def _rested(track: Track, end: float, rng: np.random.Generator) -> Track:
