@@ -54,12 +54,8 @@ SIDE, CELLS = _C["SUPPORT_SIDE"], _C["SUPPORT_CELLS"]
 STARTS = 3
 TURNS, SLIDES = _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
 TOUCHES, GROUPS = _C["PAIR_TOUCHES"], _C["PAIR_GROUPS"]
-# Columns of the tables of bodies (b, 7), of their sizes (b, 23), of placed bodies (b, 15), of joint frames (j, 17).
-SHAPE, FIRST_CORNER, COUNT, LINK, FIRST_JOINT, DEPTH, FIRST_NODE = _columns(
-    "RefereeBody", "shape", "first_corner", "corner_count", "link", "first_joint", "depth", "first_node"
+# Columns of the tables of bodies (b, 7) and of joint frames (j, 17).
+SHAPE, LINK, FIRST_JOINT, DEPTH, FIRST_NODE = _columns(
+    "RefereeBody", "shape", "link", "first_joint", "depth", "first_node"
 )
-HALF, ROUND, RADIUS, BOUND, CENTER, LOCAL = _columns(
-    "BodySizes", "half", "rounding", "radius", "box", "center", "rotation"
-)
-ORIGIN, MIDDLE = _columns("PlacedBody", "origin", "middle")
 SHIFT, AXIS, GAIN, OFFSET = _columns("JointFrame", "shift", "axis", "gain", "offset")

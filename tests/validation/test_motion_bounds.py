@@ -17,11 +17,12 @@ from rr1plan.transforms import inverse, pose
 from rr1plan.validation.compiled_search import ProofOptions, Search
 from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import moving_scene
-from rr1plan.validation.referee_kernels import ORIGIN, load_library
+from rr1plan.validation.referee_kernels import SOURCES, load_library
 
 Make = Callable[..., Any]
 ROUNDING = 1e-9
 SAMPLES = 17
+ORIGIN = SOURCES.classes["PlacedBody"].origin.offset // 8  # column of the placed bodies
 
 
 class Stretch:
