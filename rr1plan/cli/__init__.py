@@ -11,12 +11,13 @@ from importlib import import_module
 
 from rr1plan.cli.arguments import Shown, parse, spell_options
 from rr1plan.cli.console import Console
+from rr1plan.cli.exit_codes import BAD_INPUT, INVALID_PLAN, NO_PLAN, OK
 from rr1plan.cli.parser import build_parser
 from rr1plan.errors import NoPlanError, RetimingError, Rr1PlanError, missing_libraries_named
 from rr1plan.interrupts import INTERRUPTED, interrupted_by_termination, leaving_at_once
 from rr1plan.progress_bar import taken_terminal
 
-OK, BAD_INPUT, NO_PLAN, INVALID_PLAN = 0, 2, 3, 4
+__all__ = ["BAD_INPUT", "INTERRUPTED", "INVALID_PLAN", "NO_PLAN", "OK", "run"]
 
 
 def run(arguments: Sequence[str], started: float | None = None) -> int:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
+from rr1plan.cli.exit_codes import OK
 from rr1plan.cli.picture_files import check_video, film
 from rr1plan.cli.scene_options import check_scene_name, chosen_query, name_or_numbers, page_options
 from rr1plan.errors import InputError
@@ -69,7 +70,7 @@ def cspace(options: Namespace, console: Console) -> int:
             "files": {kind: str(file) for kind, file in files.items()},
         }
     )
-    return 0
+    return OK
 
 
 def _plan_in(picture: rp.CSpace, problem: rp.Problem, options: Namespace, console: Console) -> rp.PlanResult:

@@ -7,6 +7,7 @@ from argparse import Namespace
 import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console
+from rr1plan.cli.exit_codes import INVALID_PLAN, OK
 from rr1plan.errors import InputError
 
 
@@ -34,4 +35,4 @@ def experiment(options: Namespace, console: Console) -> int:
             "files": [str(file) for file in report.files],
         }
     )
-    return 0 if report else 4
+    return OK if report else INVALID_PLAN

@@ -14,6 +14,7 @@ import numpy as np
 import rr1plan
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console
+from rr1plan.cli.exit_codes import BAD_INPUT, OK
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.robot.robot_packages import PACKAGE, installed_robots
@@ -46,7 +47,7 @@ def robots(options: Namespace, console: Console) -> int:
             robot = load_robot(options.robot)
         _say_robot(robot, console)
         console.result(_robot_values(robot))
-        return 0
+        return OK
     values = [_robot_values(load_robot(name)) for name in robot_names()]
     rows = [(v["name"], str(len(v["joints"])), str(v["links"]), ", ".join(v["presets"]) or "-") for v in values]
     console.table(("robot", "joints", "links", "limit presets"), rows)
@@ -58,7 +59,7 @@ def robots(options: Namespace, console: Console) -> int:
         console.say("\nmore come with: pip install 'rr1plan[robots]'")
     console.names([*(v["name"] for v in values), *installed])
     console.result([*values, *({"name": name, "source": str(robot.urdf)} for name, robot in installed.items())])
-    return 0
+    return OK
 
 
 def _robot_values(robot: Robot) -> dict[str, Any]:
@@ -128,7 +129,7 @@ def scenes(options: Namespace, console: Console) -> int:
         for kind in ("arms", "obstacles", "attachments", "queries"):
             console.say(f"{kind}: {', '.join(values[kind]) or '-'}")
         console.result(values)
-        return 0
+        return OK
     # Most scenes have the same few robots.
     robot_loader = cache(load_robot)
     every = [_scene_values(load_scene_file(name, robot_loader)) for name in scene_names()]
@@ -139,7 +140,7 @@ def scenes(options: Namespace, console: Console) -> int:
     console.table(("scene", "arms", "obstacles", "queries", "description"), rows)
     console.names([v["name"] for v in every])
     console.result(every)
-    return 0
+    return OK
 
 
 def _scene_values(file: SceneFile) -> dict[str, Any]:
@@ -190,10 +191,10 @@ def doctor(options: Namespace, console: Console) -> int:
         }
     )
     if missing:
-        console.error(f"missing: {', '.join(missing)}; try: pip install --upgrade rr1plan", 2)
-        return 2
+        console.error(f"missing: {', '.join(missing)}; try: pip install --upgrade rr1plan", BAD_INPUT)
+        return BAD_INPUT
     console.say("all that is required is here")
-    return 0
+    return OK
 
 
 def _kernels() -> dict[str, str]:

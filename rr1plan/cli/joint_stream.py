@@ -6,6 +6,7 @@ from argparse import Namespace
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
+from rr1plan.cli.exit_codes import INVALID_PLAN, OK
 from rr1plan.cli.saved_motions import single_motion
 from rr1plan.cli.scene_options import check_scene_name
 from rr1plan.cli.served_page import announce, live_options
@@ -49,7 +50,7 @@ def mirror(options: Namespace, console: Console) -> int:
             "unchecked_links": list(report.unchecked_links),
         }
     )
-    return 0 if report else 4
+    return OK if report else INVALID_PLAN
 
 
 def _stream(options: Namespace) -> rp.StateStream:

@@ -8,6 +8,7 @@ from pathlib import Path
 import rr1plan as rp
 from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
+from rr1plan.cli.exit_codes import OK
 from rr1plan.cli.picture_files import check_video, film
 from rr1plan.cli.scene_options import check_scene_name, named_query
 from rr1plan.cli.served_page import live_options, serve
@@ -26,7 +27,7 @@ def lesson(options: Namespace, console: Console) -> int:
         console.table(("lesson", "title"), [(name, title) for name, (_, title) in LESSONS.items()])
         console.names(list(LESSONS))
         console.result([{"name": name, "title": title} for name, (_, title) in LESSONS.items()])
-        return 0
+        return OK
     known_name("lesson", options.lesson, LESSONS)
     for file in filter(None, (options.html, options.figure)):
         check_writable(file)
@@ -47,7 +48,7 @@ def lesson(options: Namespace, console: Console) -> int:
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
     console.result({"lesson": options.lesson, "files": {kind: str(file) for kind, file in files.items()}})
-    return 0
+    return OK
 
 
 def figures(options: Namespace, console: Console) -> int:
@@ -63,7 +64,7 @@ def figures(options: Namespace, console: Console) -> int:
             if name not in made:
                 console.warn(f"{name} is left out: it takes a browser (pip install 'rr1plan[video]' and Chromium)")
     console.result({name: [str(file) for file in files] for name, files in made.items()})
-    return 0
+    return OK
 
 
 def _own(options: Namespace) -> tuple[rp.Scene | None, rp.Problem | None]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, progress_callback
+from rr1plan.cli.exit_codes import INVALID_PLAN, NO_PLAN, OK
 from rr1plan.cli.many_arms_output import (
     check_many_arms_options,
     draw_figures,
@@ -67,7 +68,7 @@ def plan(options: Namespace, console: Console) -> int:
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
     console.result({**summary(motion), **many_values(motion), "files": files})
-    return 0 if motion.valid else 4
+    return OK if motion.valid else INVALID_PLAN
 
 
 def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
@@ -102,10 +103,10 @@ def report_no_plan(motion: MotionPlan, console: Console) -> int:
         said = {"status": motion.status.value, "reason": result.reason, "planner": result.planner}
         console.result({**said, **many_values(motion)})
     else:
-        console.error(str(motion), 3)
+        console.error(str(motion), NO_PLAN)
         if motion.many_arms is not None:
             say_groups(motion.many_arms, console)
-    return 3
+    return NO_PLAN
 
 
 def check_outputs(options: Namespace) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, progress_callback
+from rr1plan.cli.exit_codes import INVALID_PLAN, NO_PLAN, OK
 from rr1plan.cli.plan import check_outputs, plan
 from rr1plan.cli.scene_options import page_options
 from rr1plan.errors import InputError
@@ -50,8 +51,8 @@ def plan_any(options: Namespace, console: Console) -> int:
         if console.as_json:
             console.result({"status": found.status.value, "reason": found.reason, "failed": found.failed})
         else:
-            console.error(str(found), 3)
-        return 3
+            console.error(str(found), NO_PLAN)
+        return NO_PLAN
     if options.csv == "-":
         console.leave_stdout()
     with console.watch.stage("write the files"):
@@ -62,7 +63,7 @@ def plan_any(options: Namespace, console: Console) -> int:
     stages = [{"label": stage.label, "begin": stage.begin, "end": stage.end} for stage in found.stages]
     values = {"status": found.status.value, "duration": found.trajectory.duration, "stages": stages}
     console.result({**values, "report": found.report.to_dict(), "files": files})
-    return 0 if found.valid else 4
+    return OK if found.valid else INVALID_PLAN
 
 
 def _save(found: SequencePlan, options: Namespace, look: rp.ViewOptions | None, console: Console) -> Mapping[str, str]:

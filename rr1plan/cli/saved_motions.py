@@ -8,6 +8,7 @@ from typing import Any
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
+from rr1plan.cli.exit_codes import INVALID_PLAN, OK
 from rr1plan.cli.picture_files import check_page, check_video, write_replay
 from rr1plan.cli.scene_options import check_scene_name, refuse_sequence
 from rr1plan.cli.standard_input import readable_file
@@ -25,7 +26,7 @@ def validate(options: Namespace, console: Console) -> int:
     say_changes(motion, console)
     console.say(str(motion.report))
     console.result({**motion.report.to_dict(), **about(motion)})
-    return 0 if motion.report.valid else 4
+    return OK if motion.report.valid else INVALID_PLAN
 
 
 def play(options: Namespace, console: Console) -> int:
@@ -59,7 +60,7 @@ def play(options: Namespace, console: Console) -> int:
     console.say(f"  it took {milliseconds(said['wall_seconds'])}")
     files = write_replay(motion, replay, options, console)
     console.result({**said, **about(motion), "files": files})
-    return 0 if replay else 4
+    return OK if replay else INVALID_PLAN
 
 
 def saved_motion(

@@ -6,6 +6,7 @@ from argparse import Namespace
 
 from rr1plan.calibration.joint_calibration import load_calibration
 from rr1plan.cli.console import Console, progress_callback
+from rr1plan.cli.exit_codes import INVALID_PLAN, OK
 from rr1plan.cli.saved_motions import about, single_motion
 from rr1plan.hardware.box_emulator import EmulatedSerialLine
 from rr1plan.hardware.command_plan import plan_commands
@@ -33,7 +34,7 @@ def send(options: Namespace, console: Console) -> int:
     }
     if not plan.certified:
         console.result({**values, "sent": False})
-        return 4
+        return INVALID_PLAN
     with console.progress("sending" if options.port else "emulating") as advance:
         if options.port is None:
             start = {name: count for name, count in zip(CHANNELS, plan.start, strict=True) if name in box.channels}
@@ -51,4 +52,4 @@ def send(options: Namespace, console: Console) -> int:
     else:
         console.say(f"sent: the control box has executed all commands, its step counters are {end.position}")
     console.result({**values, "sent": options.port is not None, "end": dict(zip(CHANNELS, end.position, strict=True))})
-    return 0
+    return OK

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
+from rr1plan.cli.exit_codes import OK
 from rr1plan.playback.viewer.live_viewer import open_in_browser
 
 
@@ -28,4 +29,4 @@ def serve(viewer: rp.Viewer, options: Namespace, console: Console) -> int:
         announce(viewer, options, console, "close it or press Ctrl-C to end")
         console.result({"url": viewer.url})
         viewer.wait()
-    return 0
+    return OK

@@ -9,6 +9,7 @@ from pathlib import Path
 import rr1plan as rp
 from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds, progress_callback
+from rr1plan.cli.exit_codes import INVALID_PLAN, OK
 from rr1plan.cli.picture_files import check_files, write_files
 from rr1plan.cli.plan import report_no_plan, summary
 from rr1plan.cli.saved_motions import saved_motion, say_changes
@@ -83,7 +84,7 @@ def demo(options: Namespace, console: Console) -> int:
     console.result(
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )
-    return 0 if motion.valid and replay else 4
+    return OK if motion.valid and replay else INVALID_PLAN
 
 
 def view(options: Namespace, console: Console) -> int:
@@ -97,7 +98,7 @@ def view(options: Namespace, console: Console) -> int:
         look = replace(look or rp.ViewOptions(), compare=other, side_by_side=options.side_by_side)
     if in_files:
         write_files(scene, motion, options, look, console)
-        return 0
+        return OK
     look = live_options(options, look)
     return serve(rp.show(scene, options=look) if motion is None else motion.show(options=look), options, console)
 
