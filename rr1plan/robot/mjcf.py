@@ -46,12 +46,16 @@ class Surrounding:
         pose: T_world_body, shape (4, 4).
         geometries: Its collision shapes, in its frame.
         stands: Whether it cannot move.
+        mass: Mass of a single body with a free joint [kg]; None for all others.
+        friction: Its sliding friction, the largest one of its shapes.
     """
 
     name: str
     pose: Array
     geometries: tuple[Geometry, ...]
     stands: bool
+    mass: float | None = None
+    friction: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +208,16 @@ class _Reader:
             elif geometries:
                 pose = read_only(self.compiled.pose(data.xpos[body], data.xquat[body]))
                 stands = int(model.body_weldid[body]) == 0
-                yield Surrounding(model.body(body).name or f"body{body}", pose, tuple(geometries), stands)
+                mass = float(model.body_mass[body]) if self._is_loose(body) else None
+                friction = float(model.geom_friction[solid, 0].max())
+                name = model.body(body).name or f"body{body}"
+                yield Surrounding(name, pose, tuple(geometries), stands, mass, friction)
+
+    def _is_loose(self, body: int) -> bool:
+        """Whether a body has a free joint and no other body is attached to it."""
+        model = self.model
+        free = int(model.body_jntnum[body]) == 1 and int(model.jnt_type[model.body_jntadr[body]]) == _FREE
+        return free and int(np.count_nonzero(model.body_rootid == body)) == 1
 
     # ---- links and joints -----------------------------------------------------------------
 

@@ -21,7 +21,8 @@ from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.robot.srdf import Semantics, joined_semantics, read_srdf
 from rr1plan.robot.urdf import Tree, read_urdf
 from rr1plan.robot.xacro import expand_xacro
-from rr1plan.scene import Arm, Obstacle, Scene
+from rr1plan.scene import Scene
+from rr1plan.scene.mjcf_scene import read_mjcf_scene
 from rr1plan.scene.motion_bench import read_bench_scene
 from rr1plan.scene.moveit_scene import read_moveit_scene
 from rr1plan.scene.problem import Problem
@@ -33,8 +34,6 @@ _URDF_SUFFIXES, _MJCF_SUFFIXES = (".urdf", ".xacro"), (".xml", ".mjcf")
 _SDF_SUFFIXES = (".sdf", ".world")
 _FOREIGN_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz", *_SDF_SUFFIXES)
 _SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
-# In an MJCF scene, contacts of each with each stationary link are allowed one by one.
-_MOST_SURROUNDINGS = 1000
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -299,7 +298,8 @@ def load_scene(name_or_file: str | Path) -> Scene:
         name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene), a MotionBenchMaker
             scene (.yaml, .yml) or an MJCF file (.xml, .mjcf). MoveIt's and MotionBenchMaker's contain only obstacles:
             add arms with `scene.with_arm`. The robot of an MJCF file is the arm "arm"; all other bodies with contacts
-            are obstacles, at their poses in its first keyframe.
+            are obstacles, at their poses in its first keyframe. Those with a free joint are loose bodies with
+            their mass and friction.
 
     Raises:
         UnknownNameError: no shipped scene of that name.
@@ -325,30 +325,8 @@ def load_scene_file(name_or_file: str | Path, robot_loader: RobotLoader = load_r
     if file.suffix.lower() in (".yaml", ".yml"):
         return SceneFile(read_bench_scene(file), {})
     if file.suffix.lower() in _MJCF_SUFFIXES:
-        return SceneFile(_read_mjcf_scene(file), {})
+        return SceneFile(read_mjcf_scene(file), {})
     return read_scene(file, robot_loader)
-
-
-def _read_mjcf_scene(file: Path) -> Scene:
-    """The robot of an MJCF file as an arm, and its surroundings as obstacles."""
-    from rr1plan.robot.mjcf import read_mjcf
-
-    content = read_mjcf(file)
-    if len(content.surroundings) > _MOST_SURROUNDINGS:
-        raise FormatError(
-            f"has {len(content.surroundings)} things around the robot, expected at most {_MOST_SURROUNDINGS}", file
-        )
-    arm = Arm(assemble(content.tree, content.semantics, Choice()))
-    obstacles: dict[str, Obstacle] = {}
-    allowed: set[frozenset[str]] = set()
-    for thing in content.surroundings:
-        name = thing.name.replace("/", "_")
-        while name == "arm" or name in obstacles:
-            name += "_"
-        obstacles[name] = Obstacle(thing.geometries, thing.pose)
-        if thing.stands:  # stationary links may rest on it
-            allowed.update(frozenset((f"arm/{link}", name)) for link in content.standing)
-    return Scene({"arm": arm}, obstacles, allowed=frozenset(allowed), name=content.tree.name)
 
 
 def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:

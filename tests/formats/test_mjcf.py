@@ -421,6 +421,24 @@ def test_a_file_is_a_scene_too(folder: Path, caplog: pytest.LogCaptureFixture) -
     assert rp.CollisionChecker(scene).is_free(scene.arms["arm"].q)
 
 
+def test_bodies_with_a_free_joint_are_loose(folder: Path, rr1: rp.Robot, caplog: pytest.LogCaptureFixture) -> None:
+    scene = rp.Scene().with_arm("arm", rr1).with_obstacle("post", rp.Sphere(0.1), [1, 0, 0])
+    scene = scene.with_obstacle("cup", rp.Cylinder(0.02, 0.06), [-0.3, 0.12, 0.03], mass=0.125, friction=0.5)
+    again = rp.load_scene(rp.save_mjcf(folder / "again.xml", scene))
+    assert (again.obstacles["cup"].mass, again.obstacles["cup"].friction) == (0.125, 0.5)
+    assert again.obstacles["post"].mass is None
+    assert "taken as fixed" not in caplog.text
+    duo = '<body name="duo" pos="0 0 2"><freejoint/><geom size=".1"/><body><geom size=".1" pos="1 0 0"/></body></body>'
+    dent = '<mesh name="dent" vertex="0 0 0 1 0 0 0 1 0 .1 .1 .1 0 0 1" face="0 2 1 0 4 2 0 1 4 1 2 3 2 4 3 4 1 3"/>'
+    bowl = '<body name="bowl" pos="0 0 4"><freejoint/><geom type="mesh" mesh="dent"/></body>'
+    text = WORKPLACE.replace("</asset><worldbody>", f"{dent}</asset><worldbody>{duo}{bowl}")
+    file = folder / "scene.xml"
+    file.write_text(text)
+    masses = {name: thing.mass for name, thing in rp.load_scene(file).obstacles.items() if thing.mass is not None}
+    assert masses == {"ball": pytest.approx(4000.0 / 3.0 * np.pi * 0.08**3)}
+    assert "body 'bowl' is free to move, it is taken as fixed: mesh" in caplog.text
+
+
 WORKPLACE = """
 <mujoco><compiler meshdir="assets"/><asset><mesh file="part.obj" scale="2 2 2"/></asset><worldbody>
   <geom name="floor" type="plane" size="1 1 1" pos="0 0 -0.1" euler="5 0 0"/>
