@@ -48,6 +48,7 @@ class Surrounding:
         stands: Whether it cannot move.
         mass: Mass of a single body with a free joint [kg]; None for all others.
         friction: Its sliding friction, the largest one of its shapes.
+        excluded: Links whose contacts with it the file excludes.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Surrounding:
     stands: bool
     mass: float | None = None
     friction: float = 1.0
+    excluded: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,15 +205,19 @@ class _Reader:
             # A hidden shape without collisions is a mark here, such as the zone of a task.
             solid = [g for g in self.shapes.colliding_geoms(body) if not self.compiled.uses[g].switched_off]
             geometries = [self.shapes.geometry(geom) for geom in solid]
+            excluded = self._excluded_links(body)
             if body == 0:
-                yield from (Surrounding(g.name, g.pose, (replace(g, pose=identity()),), True) for g in geometries)
+                yield from (
+                    Surrounding(g.name, g.pose, (replace(g, pose=identity()),), True, excluded=excluded)
+                    for g in geometries
+                )
             elif geometries:
                 pose = read_only(self.compiled.pose(data.xpos[body], data.xquat[body]))
                 stands = int(model.body_weldid[body]) == 0
                 mass = float(model.body_mass[body]) if self._is_loose(body) else None
                 friction = float(model.geom_friction[solid, 0].max())
                 name = model.body(body).name or f"body{body}"
-                yield Surrounding(name, pose, tuple(geometries), stands, mass, friction)
+                yield Surrounding(name, pose, tuple(geometries), stands, mass, friction, excluded)
 
     def _is_loose(self, body: int) -> bool:
         """Whether a body has a free joint and no other body is attached to it."""
@@ -304,11 +310,20 @@ class _Reader:
     def _excluded(self) -> frozenset[frozenset[str]]:
         """The pairs of links that the file excludes from contact."""
         pairs = set()
-        for signature in self.model.exclude_signature.tolist():
-            a, b = (self.link_of.get(body) for body in (signature >> 16, signature & 0xFFFF))
+        for bodies in self._excluded_bodies():
+            a, b = map(self.link_of.get, bodies)
             if a is not None and b is not None and a != b and BASE not in (a, b):
                 pairs.add(frozenset((a, b)))
         return frozenset(pairs)
+
+    def _excluded_links(self, body: int) -> frozenset[str]:
+        """The links whose contacts with a body of the surroundings the file excludes."""
+        others = {b if a == body else a for a, b in self._excluded_bodies() if body in (a, b)}
+        return frozenset(self.link_of[other] for other in others if other in self.bodies)
+
+    def _excluded_bodies(self) -> list[tuple[int, int]]:
+        """The pairs of bodies that the file excludes from contact."""
+        return [(signature >> 16, signature & 0xFFFF) for signature in self.model.exclude_signature.tolist()]
 
     def _arms(self, tree: Tree) -> dict[str, tuple[tuple[str, ...], str]]:
         """For each robot its first body's name, its planning joints and its tool."""

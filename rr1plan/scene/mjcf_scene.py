@@ -40,8 +40,9 @@ def read_mjcf_scene(file: Path) -> Scene:
         while name == "arm" or name in obstacles:
             name += "_"
         obstacles[name] = _obstacle(file, thing)
-        if thing.stands:  # stationary links may rest on it
-            allowed.update(frozenset((f"arm/{link}", name)) for link in content.standing)
+        # Stationary links may rest on what stands.
+        links = thing.excluded.union(content.standing if thing.stands else ())
+        allowed.update(frozenset((f"arm/{link}", name)) for link in links)
     return Scene({"arm": arm}, obstacles, allowed=frozenset(allowed), name=content.tree.name)
 
 

@@ -439,6 +439,17 @@ def test_bodies_with_a_free_joint_are_loose(folder: Path, rr1: rp.Robot, caplog:
     assert "body 'bowl' is free to move, it is taken as fixed: mesh" in caplog.text
 
 
+def test_pairs_excluded_from_contact_are_allowed(folder: Path) -> None:
+    excluded = [("three", "shelf"), ("ball", "two"), ("one", "world")]
+    rows = "".join(f'<exclude body1="{a}" body2="{b}"/>' for a, b in excluded)
+    file = folder / "scene.xml"
+    file.write_text(WORKPLACE.replace("<actuator>", f"<contact>{rows}</contact><actuator>"))
+    scene = rp.load_scene(file)
+    rests = {frozenset(("arm/arm", name)) for name in ("floor", "wedge", "shelf")}
+    pairs = [("three", "shelf"), ("two", "ball"), ("one", "floor"), ("one", "wedge")]
+    assert scene.allowed == rests | {frozenset((f"arm/{link}", name)) for link, name in pairs}
+
+
 WORKPLACE = """
 <mujoco><compiler meshdir="assets"/><asset><mesh file="part.obj" scale="2 2 2"/></asset><worldbody>
   <geom name="floor" type="plane" size="1 1 1" pos="0 0 -0.1" euler="5 0 0"/>
