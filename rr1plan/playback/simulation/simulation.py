@@ -103,8 +103,9 @@ class Simulation:
     """A simulation of a scene in MuJoCo; joints hold their positions unless a controller commands them.
 
     Joint damping and friction of the description are omitted: they belong to a drive, whose controller compensates
-    them. Obstacles with a mass are loose bodies. The scene is not changed. In models of four or more arms, MuJoCo does
-    not search for contacts while these are proven impossible (`contact_proof`), which does not change any result.
+    them. Position limits are omitted because MuJoCo's are soft constraints; the referee checks them. Obstacles with a
+    mass are loose bodies. The scene is not changed. In models of four or more arms, MuJoCo does not search for contacts
+    while these are proven impossible (`contact_proof`), which does not change any result.
 
     Ctrl-C in `run`, or in `step` of several steps, takes effect after the present step and its callbacks, so that one
     can continue from there; a second one takes effect at once.
@@ -578,7 +579,7 @@ class Simulation:
         Args:
             joint_names: The joints, "arm/joint"; the others keep their positions and are at rest. Joints that mimic
                 others follow them.
-            positions: Positions [rad or m], shape (n,).
+            positions: Positions [rad or m], shape (n,), also beyond the joint's limits.
             velocities: Velocities [rad/s or m/s], shape (n,) (default: at rest).
 
         Raises:
