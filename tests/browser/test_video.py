@@ -181,6 +181,15 @@ def test_a_step_of_a_lesson_is_photographed(tmp_path: FilePath) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("time", "fault"), [(-0.1, "0 to 1.500 s"), (1.6, "0 to 1.500 s"), (0.5, "has no motion")])
+def test_times_outside_the_motion_are_refused(scene: rp.Scene, tmp_path: FilePath, time: float, fault: str) -> None:
+    motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.5], [[0.0, 0.0], [0.1, 0.1]])
+    page = rp.save_html(tmp_path / "page.html", scene, trajectory=None if time == 0.5 else motion)
+    with pytest.raises(rp.InputError, match=f"time is {time} s, but .*{fault}"):
+        screenshot(tmp_path / "page.png", page, size=SIZE, time=time)
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_pages_that_are_no_lessons_have_no_steps(scene: rp.Scene, tmp_path: FilePath) -> None:
     with pytest.raises(rp.InputError, match="no steps, which only lessons have"):
         screenshot(tmp_path / "scene.png", scene, size=SIZE, step=2)

@@ -41,6 +41,8 @@ _FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+# Times printed with three digits may be this much after the end [s].
+_MILLISECOND = 1e-3
 # Chromium creates a socket in TMPDIR, and the path of a socket has at most 107 bytes.
 _LONGEST_TEMPORARY_FOLDER = 60
 _PATIENCE = 90.0  # [s] for a page to come up, drawn by a busy processor
@@ -129,7 +131,7 @@ def screenshot(
         page: A page that `save_html` wrote, a live viewer, or a value that has a page: a scene, a robot, a problem, a
             motion, a sequence plan, a C-space or a lesson.
         size: Width and height [px].
-        time: The time of the motion [s]; None: the start, as the page opens.
+        time: A time of the motion [s]; None: the start, as the page opens.
         step: The step of a lesson, from 1 on; None: the first.
         bare: Without the cards around the picture, which then shows the whole scene.
 
@@ -223,14 +225,24 @@ def settle_page(page: Any, time: float | None = None, *, whole: bool = False) ->
     """Wait until the page is ready, pause it at a time, frame the arms or the whole scene, and wait for the drawing.
 
     Raises:
+        InputError: a time outside the motion.
         BackendError: the page does not come up.
     """
     wait_until(page, "Boolean(window.RR1 && RR1.ready)")
+    if time is not None:
+        _check_time(page, time)
     seek = "([t, whole]) => { RR1.pause(); RR1.seek(t === null ? RR1.player.start : t); RR1.look(null, whole); }"
     page.evaluate(seek, [time, whole])
     wait_until(page, "RR1.settled")
     frames = page.evaluate("RR1.frames")
     wait_until(page, f"RR1.frames > {frames} + 3")
+
+
+def _check_time(page: Any, time: float) -> None:
+    start, end = page.evaluate("[RR1.player.start, RR1.player.end]")
+    if not start <= time <= end + _MILLISECOND:
+        times = f"the times of its motion are {start:g} to {end:.3f} s" if end > start else "the page has no motion"
+        raise InputError(f"time is {time:g} s, but {times}")
 
 
 def wait_until(page: Any, expression: str) -> None:
