@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rr1plan.errors import FormatError, reason_of
+from rr1plan.errors import FormatError, reason_of, shown
 from rr1plan.files.checked_tables import Table
 from rr1plan.files.file_access import MAX_BYTES, read_text
 
@@ -95,18 +95,25 @@ def _parse(text: str, file: str | Path, kind: str, parse: Callable[[str], object
     except RecursionError as error:
         raise FormatError(f"is nested deeper than {MAX_DEPTH}", file) from error
     except Exception as error:  # PyYAML's constructors raise many types of errors
-        raise FormatError(f"is not {kind}: {reason_of(error)}", file, _line(error)) from error
+        message, line = _message(error, text)
+        raise FormatError(f"is not {kind}: {message}", file, line) from error
     _check_nesting(data, len(text), file)
     return data
 
 
-def _line(error: Exception) -> int | None:
-    """The line [1-based] of a parser's error."""
-    mark = getattr(error, "problem_mark", None)
-    if mark is not None:
-        return int(mark.line) + 1
-    found = re.search(r"(?:at )?line (\d+)", str(error))
-    return int(found[1]) if found else None
+def _message(error: Exception, text: str) -> tuple[str, int | None]:
+    """A parser's message in one line, with the text at which it failed, and the line [1-based]."""
+    message, mark = " ".join(reason_of(error).split()), getattr(error, "problem_mark", None)
+    if mark is not None:  # PyYAML's messages have several lines
+        parts = [getattr(error, "context", None), getattr(error, "problem", None)]
+        message = f"{', '.join(filter(None, parts))} (at line {mark.line + 1}, column {mark.column + 1})"
+    found = re.search(r"line (\d+)(?:,? column (\d+))?", message)
+    if found is None:
+        return message, None
+    line = int(found[1])
+    rest = text.split("\n")[line - 1 : line] if found[2] else []
+    excerpt = rest[0][int(found[2]) - 1 :].rstrip() if rest else ""
+    return f"{message}: {shown(excerpt)}" if excerpt else message, line
 
 
 def _check_nesting(data: object, most: int, file: str | Path) -> None:

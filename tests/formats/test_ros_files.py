@@ -89,6 +89,7 @@ def test_exponents_are_read_as_other_programs_print_them(tmp_path: Path, number:
     ("data", "words"),
     [
         ("a: [", "is not YAML"),
+        ("a: [1\nb: 3\n", r"yaml:2: is not YAML: while parsing a flow .* \(at line 2, column 2\): ': 3'$"),
         ("[" * 3000 + "]" * 3000, "nested deeper than 100"),
         ("2020-99-99", "is not YAML"),
         ("", "holds 0 messages"),

@@ -296,6 +296,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
     [
         ("[arms.arm\n", "scene.toml:1: is not TOML"),
         ("\n\nx = = 1\n", "scene.toml:3: is not TOML"),
+        ("\nx = .1\n", "scene.toml:2: is not TOML: Invalid value (at line 2, column 5): '.1'"),
         ("padding = -1.0\n" + SIMPLE, "padding is -1.0"),
         ("padding = nan\n" + SIMPLE, "scene.toml:1: padding: expected a finite number"),
         ("padding = true\n" + SIMPLE, "padding: expected a number, got True"),
