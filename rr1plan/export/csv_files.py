@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import pathlib
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -71,7 +72,8 @@ def load_csv(file: _File) -> Trajectory:
 
     The header names them: `t` (or `time`) [s], `q:<joint>` (or the bare name) for positions, `v:<joint>` for
     velocities, `a:<joint>` for accelerations, in any order; SI units and radians. Rows are joined by straight lines,
-    cubics or quintics, depending on the columns; see `Trajectory.from_samples`.
+    cubics or quintics, depending on the columns; see `Trajectory.from_samples`. Lines before the header that begin with
+    "#" are comments.
 
     Args:
         file: The file, UTF-8, also compressed (.csv.gz).
@@ -79,12 +81,11 @@ def load_csv(file: _File) -> Trajectory:
     Raises:
         FormatError: another header, a row of another length, not numbers, or times that do not increase.
     """
-    # Spreadsheets begin UTF-8 files with a byte order mark, and NumPy's `savetxt` begins headers with "# ".
-    text = read_text(file).removeprefix("\ufeff").removeprefix("# ")
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    # Spreadsheets begin UTF-8 files with a byte order mark.
+    reader = csv.reader(io.StringIO(read_text(file).removeprefix("\ufeff"), newline=""), strict=True)
     try:
-        header = [column.strip() for column in next(reader, [])]
-        time, names, columns = _columns(header, file)
+        header = _header(reader)
+        time, names, columns = _columns(header, file, max(1, reader.line_num))
         rows = np.array([_row(row, len(header), file, reader.line_num) for row in reader if "".join(row).strip()])
     except csv.Error as error:
         raise FormatError(f"is not CSV: {error}", file, reader.line_num) from error
@@ -98,19 +99,31 @@ def load_csv(file: _File) -> Trajectory:
         raise FormatError(str(error), file) from error
 
 
-def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[str, int]]]:
+def _header(reader: Iterator[list[str]]) -> list[str]:
+    """The names of the columns, after comments; NumPy's `savetxt` writes them as a comment, too."""
+    for row in reader:
+        names = [column.strip() for column in row]
+        if not names or not names[0].startswith("#"):
+            return names
+        names[0] = names[0].removeprefix("#").lstrip()
+        if any(name in _TIMES for name in names):
+            return names
+    return []
+
+
+def _columns(header: list[str], file: _File, line: int) -> tuple[int, list[str], list[dict[str, int]]]:
     """The index of the time, the names of the joints, and the index of each one's position, velocity, acceleration."""
     columns: list[dict[str, int]] = [{}, {}, {}]
     times = [i for i, column in enumerate(header) if column in _TIMES]
     if len(times) != 1:
-        raise _other_header(header, file)
+        raise _other_header(header, file, line)
     for i, column in enumerate(header):
         if i in times:
             continue
         kind, name = (column[0], column[2:]) if column[:2] in ("q:", "v:", "a:") else ("q", column)
         where = columns["qva".index(kind)]
         if name in where:
-            raise FormatError(f"has the column {column!r} twice", file, 1)
+            raise FormatError(f"has the column {column!r} twice", file, line)
         where[name] = i
     names = list(columns[0])
     if any(names) and "" in header:
@@ -118,21 +131,21 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
         fault = (
             f"has no name for column {number}, expected one: leave out the index of a table, and commas that end lines"
         )
-        raise FormatError(fault, file, 1)
+        raise FormatError(fault, file, line)
     if not names or "" in names:
-        raise _other_header(header, file)
+        raise _other_header(header, file, line)
     for quantity, where in (("velocities", columns[1]), ("accelerations", columns[2])):
         if where and set(where) != set(names):
             odd = sorted(set(where) ^ set(names))
             raise FormatError(
-                f"has positions or {quantity} alone for {', '.join(odd)}, expected both for each joint", file, 1
+                f"has positions or {quantity} alone for {', '.join(odd)}, expected both for each joint", file, line
             )
     return times[0], names, columns
 
 
-def _other_header(header: list[str], file: _File) -> FormatError:
+def _other_header(header: list[str], file: _File, line: int) -> FormatError:
     fault = f"has another header, {shown(','.join(header))}" if any(header) else "has no header"
-    return FormatError(f"{fault}, expected {_HEADER}, separated by commas", file, 1)
+    return FormatError(f"{fault}, expected {_HEADER}, separated by commas", file, line)
 
 
 def _row(cells: list[str], count: int, file: _File, number: int) -> list[float]:

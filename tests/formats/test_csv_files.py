@@ -128,6 +128,15 @@ def test_samples_written_by_numpy_are_read(tmp_path: FilePath) -> None:
     np.testing.assert_allclose(read(0.5), [1.5, 2.5])
 
 
+@pytest.mark.parametrize("header", ["t,q:a,q:b", "# t,q:a,q:b", "#t,q:a,q:b"])
+def test_comments_before_the_header_are_skipped(tmp_path: FilePath, header: str) -> None:
+    (tmp_path / "t.csv").write_text(f"# recorded on Monday, arm 2\n# [s], [rad]\n{header}\n0,1,2\n0.5,1.5,2.5\n")
+    np.testing.assert_allclose(load_csv(tmp_path / "t.csv")(0.5), [1.5, 2.5])
+    (tmp_path / "t.csv").write_text("# recorded on Monday\nx,y\n0,0\n")
+    with pytest.raises(FormatError, match=r":2: has another header, 'x,y'"):
+        load_csv(tmp_path / "t.csv")
+
+
 def test_positions_that_jump_are_not_written_as_csv(tmp_path: FilePath) -> None:
     jump = Trajectory(("arm/a",), [0.0, 1.0, 2.0], [[[0.0]], [[0.5]]])
     with pytest.raises(InputError, match=r"jump of 'arm/a' by 0.5 at 1 s"):
