@@ -131,7 +131,8 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
         bad = np.argwhere(~np.isfinite(array))[0]
         index = ", ".join(str(i) for i in bad)
         where = f"[{index}]" if index else ""
-        raise InputError(f"{name}{where} is {array[tuple(bad)]}, expected a finite number")
+        given = None if np.array(value, dtype=object)[tuple(bad)] is None else array[tuple(bad)]  # NaN in `array`
+        raise InputError(f"{name}{where} is {given}, expected a finite number")
     return array
 
 

@@ -144,10 +144,10 @@ def as_pose(value: ArrayLike | None, name: str = "pose") -> Array:
         return identity()
     T = number_array(name, value)
     if T.shape == (3,):
-        return pose(near_array(name, T, (3,)))
+        return pose(near_array(name, value, (3,)))
     if T.shape != (4, 4):
         raise InputError(f"{name} has shape {T.shape}, expected a position (3,) or a pose (4, 4)")
-    T = finite_array(name, T, (4, 4))
+    T = finite_array(name, value, (4, 4))
     R = T[:3, :3]
     if not _is_rotation(R) or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
         raise InputError(f"{name} is not a rigid transform: its rotation part is not a rotation matrix")
