@@ -49,6 +49,8 @@ _INDENTATION = re.compile(rb"^ +(?=[vf] )", re.MULTILINE)
 _COMMENT = re.compile(rb"^([vf] [^#\n]*)#[^\n]*", re.MULTILINE)
 _RELATIVE_FACE = re.compile(rb"^f (?:[^\n]* )?(?:-\d+|0+)(?![^/\s])", re.MULTILINE)
 _CORNER = re.compile(rb"(?<= )(-?\d{1,15})(?![^/\s])(?:/\S*)?")
+# The only property of the faces of a PLY, up to its name, and the name.
+_ONLY_LIST = re.compile(rb"(\nelement face \d+\s+property list \S+ \S+ )\S+(?=\s*(?:element .*)?\Z)", re.DOTALL)
 # A triangle of a binary STL.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -210,9 +212,13 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
 
 
 def _regular_ply(data: bytes) -> bytes:
-    """The PLY with a header in ASCII; trimesh refuses comments in other encodings than UTF-8."""
+    """The PLY with a header in ASCII, and faces that have a usual name for their corners.
+
+    Trimesh refuses comments in other encodings than UTF-8, and in text PLYs other names of the only list of the faces.
+    """
     end = max(data.find(b"end_header"), 0)
-    return data[:end].decode("ascii", "replace").encode("ascii", "replace") + data[end:]
+    head = data[:end].decode("ascii", "replace").encode("ascii", "replace")
+    return _ONLY_LIST.sub(rb"\1vertex_indices", head) + data[end:]
 
 
 def _regular_obj(data: bytes, file: Path) -> bytes:

@@ -93,6 +93,7 @@ WRITERS = {
     "UPPER.STL": binary_stl,
     "binary.ply": lambda mesh: ply(mesh, "binary"),
     "ascii.ply": lambda mesh: ply(mesh, "ascii"),
+    "other name.ply": lambda mesh: ply(mesh, "ascii").replace(b" vertex_indices\n", b" corners\n"),
 }
 
 
