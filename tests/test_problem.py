@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,7 @@ def test_every_way_to_say_the_start_of_one_arm(one: Scene, start: Any) -> None:
         ("zero", [JointGoal]),
         (Q, [JointGoal]),
         (np.array(Q), [JointGoal]),
+        ([Decimal("0.5"), *Q[1:]], [JointGoal]),
         (JointGoal("zero"), [JointGoal]),
         (JointGoal(Q), [JointGoal]),
         (PoseGoal("tool", [-0.3, 0.2, 0.2]), [PoseGoal]),

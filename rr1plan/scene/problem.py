@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
+from numbers import Number
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
@@ -383,7 +384,7 @@ def _alternatives(robot: Robot, arm: str, goal: Any) -> tuple[Goal, ...]:
 
 
 def _is_numbers(value: Sequence[object]) -> bool:
-    return len(value) > 0 and all(isinstance(v, int | float | np.number) for v in value)
+    return len(value) > 0 and all(isinstance(v, Number) for v in value)
 
 
 def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
