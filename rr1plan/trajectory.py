@@ -209,6 +209,9 @@ class Trajectory(Value, NotebookView):
     def shifted(self, seconds: float) -> Trajectory:
         """The same motion, `seconds` [s] later (earlier if negative).
 
+        Times since 1970 are rounded to 0.2 µs. A motion shifted back from there has velocity jumps of 1e-6 rad/s where
+        its acceleration jumps, which `validate` reports: keep the motion that was shifted instead.
+
         Raises:
             InputError: not finite, or so large that times would be rounded to more than a microsecond.
         """
