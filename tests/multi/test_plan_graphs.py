@@ -144,6 +144,7 @@ def test_arms_that_do_not_move_have_a_graph_too(rr1: rp.Robot) -> None:
     assert graph.dependencies == ()
     assert graph.skew_tolerance == np.inf
     assert rp.execute_plan(graph, scene).makespan == 0.0
+    assert repr(rp.execute_plan(graph, scene)) == "PlanExecution(3 arms, 0.000 s)"
 
 
 @pytest.mark.parametrize("kind", [rp.ManyArmsResult, rp.RunningPlan])
@@ -271,6 +272,9 @@ def test_an_arm_that_waits_stops_before_what_is_not_free(ring: Plan) -> None:
     done = rp.execute_plan(graph, problem.scene, {first: rp.ArmDelay(start=3.0)})
     assert rp.validate(done.trajectory, problem.scene, problem).certified
     assert done.waiting[second] > 1.0
+    longest = max(done.waiting, key=done.waiting.__getitem__)
+    waits = f"longest wait {done.waiting[longest]:.3f} s ({longest})"
+    assert repr(done) == f"PlanExecution({len(graph.arms)} arms, {done.makespan:.3f} s, {waits})"
     route = graph.routes[node.agent]
     where = route.gridpoints[route.steps.begins[node.step]]
     rest = done.trajectory.select(second)(2.9)

@@ -88,6 +88,12 @@ class PlanExecution(Value):
     waiting: Mapping[str, float]
     waits: tuple[Wait, ...] = ()
 
+    def __repr__(self) -> str:
+        arm = max(self.waiting, key=self.waiting.__getitem__, default="")
+        late = self.waiting.get(arm, 0.0)
+        waiting = f", longest wait {late:.3f} s ({arm})" if late >= 0.0005 else ""
+        return f"PlanExecution({counted(len(self.graph.arms), 'arm')}, {self.makespan:.3f} s{waiting})"
+
     @property
     def makespan(self) -> float:
         """Arrival time of the last arm [s]."""
