@@ -32,7 +32,7 @@ def describe_collision(checker: CollisionChecker, q: Array, without: Collection[
     rest = len(contacts) - 3
     more = f" and {rest} more {'pair' if rest == 1 else 'pairs'}" if rest > 0 else ""
     advice = dict.fromkeys(text for contact in contacts for text in _advice(checker, contact))
-    return "; ".join([", ".join(said) + more, *advice])
+    return "; ".join([", ".join(said) + more, *advice, *_touch_advice(checker, contacts)])
 
 
 def contacts_without(checker: CollisionChecker, q: Array, arms: Collection[str]) -> Sequence[Contact]:
@@ -69,7 +69,7 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
 
 
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
-    """Hints for held objects that rest on an obstacle or touch the hand, for bases, and for links of locked joints."""
+    """Hints for held objects that rest on an obstacle, for bases, and for links of locked joints."""
     scene = checker.scene
     advice = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
     if advice:
@@ -93,15 +93,22 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
                 f"(scene.allow({link!r}, {support!r}), in a scene file {allowed_entry([(link, support)])}), or move "
                 "one of them"
             )
-    for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
-        if held not in scene.attachments or scene.owner(other) != scene.attachments[held].arm:
-            continue
-        if is_static:
-            link = other.split("/", 1)[-1]
-            yield (
-                f"{held!r} touches the hand that holds it: name the link with scene.attach({held!r}, "
-                f"touch=[{link!r}]), in a scene file touch = [{toml_text(link)}] in [attachments.{toml_key(held)}]"
-            )
+
+
+def _touch_advice(checker: CollisionChecker, contacts: Sequence[Contact]) -> Iterator[str]:
+    """One hint for each held object that touches the hand."""
+    scene = checker.scene
+    touched: dict[str, list[str]] = {}
+    for a, b in ((contact.a, contact.b) for contact in contacts):
+        for held, other in ((a, b), (b, a)) if (a, b) in checker.static_contacts else ():
+            if held in scene.attachments and scene.owner(other) == scene.attachments[held].arm:
+                touched.setdefault(held, []).append(other.split("/", 1)[-1])
+    for held, links in touched.items():
+        yield (
+            f"{held!r} touches the hand that holds it: name {'the link' if len(links) == 1 else 'the links'} with "
+            f"scene.attach({held!r}, touch={links!r}), in a scene file touch = [{', '.join(map(toml_text, links))}] in "
+            f"[attachments.{toml_key(held)}]"
+        )
 
 
 def _posed_arms(checker: CollisionChecker, contact: Contact) -> list[str]:

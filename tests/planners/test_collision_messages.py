@@ -89,14 +89,15 @@ def test_a_held_object_deep_in_an_obstacle_is_not_said_to_rest(held: rp.Scene) -
     assert "allow" not in said
 
 
-def test_the_hand_that_holds_an_object_is_told_to_be_named(rr1: rp.Robot) -> None:
+def test_the_links_that_hold_an_object_are_named_in_one_hint(rr1: rp.Robot) -> None:
     robot = rr1.with_locked_joints("open")
     scene = rp.Scene().with_arm("rr1", robot)
     at = scene.link_poses()["rr1/tool"]
     scene = scene.with_obstacle("can", rp.Cylinder(0.03, 0.12), at).attach("can", touch=["finger_link"])
     said = reason(scene)
-    assert "scene.attach('can', touch=['hand_link'])" in said
-    assert 'touch = ["hand_link"] in [attachments.can]' in said
+    assert said.count("touches the hand") == 1
+    assert "name the links with scene.attach('can', touch=['opposite_finger_link', 'hand_link'])" in said
+    assert 'touch = ["opposite_finger_link", "hand_link"] in [attachments.can]' in said
     assert "finger_link" not in said.split(";", 1)[1].replace("opposite_finger_link", "")
 
 
