@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
@@ -61,11 +61,11 @@ def check_same_arms(scene: Scene, other: Scene) -> None:
     Raises:
         InputError: different arms, or arms at other poses.
     """
-    before = scene.arms
-    for name in (*before, *other.arms):
-        one, another = before.get(name), other.arms.get(name)
-        if one is None or another is None or list(before) != list(other.arms):
-            raise InputError(f"the scenes have different arms ({name!r}), expected the arms of the simulation")
+    before, after = list(scene.arms), list(other.arms)
+    if before != after:
+        raise InputError(f"the scene has the arms {shown(after)}, expected those of the simulation: {shown(before)}")
+    for name in before:
+        one, another = scene.arms[name], other.arms[name]
         # Positions of locked joints differ in a scene that is based on `present_scene`.
         same = another.robot
         if same.locked_joints != one.robot.locked_joints:
