@@ -117,6 +117,11 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "shape_of_text": (lambda s: s.with_obstacle("box", "box"), rp.InputError, "got 'box' .*expected a shape"),
     "shape_of_a_file": (lambda s: s.with_obstacle("mug", Path("mug.stl")), rp.InputError, "load_mesh reads"),
     "shape_of_numbers": (lambda s: s.with_obstacle("b", (0.1, 0.1, 0.1)), rp.InputError, r"got \(0.1, 0.1, 0.1\)"),
+    "shape_obstacle": (
+        lambda s: s.with_obstacle("box", rp.Obstacle([rp.Geometry("box", rp.Sphere(0.1), np.eye(4))])),
+        rp.InputError,
+        r"with_obstacles\({name: obstacle}\) adds an Obstacle",
+    ),
     "none_in_a_shape": (lambda s: rp.Box((0.1, None, 0.1)), rp.InputError, r"size\[1\] is None, expected a finite"),
     "none_in_a_pose": (lambda s: rp.transforms.as_pose([0, None, 0]), rp.InputError, r"pose\[1\] is None, expected"),
     "shape_none": (lambda s: s.with_obstacle("box", None), rp.InputError, "expected a shape"),

@@ -139,6 +139,8 @@ def posed_shapes(values: Any) -> tuple[Geometry, ...]:
         advice = "; load_mesh reads a mesh file" if isinstance(values, str | PathLike) else ""
         if len(shape_of(values)) == 2:
             advice = "; PointCloud(points, resolution) and Mesh(vertices, faces) are shapes from arrays"
+        if isinstance(values, Obstacle):
+            advice = "; with_obstacles({name: obstacle}) adds an Obstacle, such as that of load_body"
         raise InputError(
             f"got {shown(values)} as an object's shape, expected a shape such as Box((1, 1, 1)) in "
             f"with_obstacle, or a list of Geometry(name, shape, pose){advice}"
