@@ -77,14 +77,8 @@ def write_files(
 ) -> None:
     """Write the files requested from `view`, of a motion or of a scene alone."""
     what: Any = scene if motion is None else motion
-    with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
-        target = Path(folder) / "page.html" if options.html is None else options.html
-        page = rp.save_html(target, scene, options=look) if motion is None else motion.save_html(target, options=look)
-        if options.png is not None:
-            with console.progress("taking a picture"):
-                rp.screenshot(options.png, page, size=_size(options), time=options.time, bare=options.bare)
-        if options.video is not None:
-            film(page, options, console)
+    if any(file is not None for file in (options.html, options.png, options.video)):
+        _write_page(scene, motion, options, look, console)
     if options.glb is not None:
         with console.progress("writing the 3-D model"):
             rp.save_glb(options.glb, what)
@@ -93,6 +87,24 @@ def write_files(
             console.say(f"{text}: {getattr(options, name)}")
     written = {text: getattr(options, name) for name, text in _VIEW_FILES.items()}
     console.result({"files": {text: file for text, file in written.items() if file is not None}})
+
+
+def _write_page(
+    scene: rp.Scene,
+    motion: MotionPlan | SequencePlan | None,
+    options: Namespace,
+    look: rp.ViewOptions | None,
+    console: Console,
+) -> None:
+    """Write the page of a scene or a motion, and the picture and the video of it that are requested."""
+    with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
+        target = Path(folder) / "page.html" if options.html is None else options.html
+        page = rp.save_html(target, scene, options=look) if motion is None else motion.save_html(target, options=look)
+        if options.png is not None:
+            with console.progress("taking a picture"):
+                rp.screenshot(options.png, page, size=_size(options), time=options.time, bare=options.bare)
+        if options.video is not None:
+            film(page, options, console)
 
 
 def write_replay(

@@ -723,6 +723,12 @@ def test_a_mirror_whose_stream_fails_reports_what_came_before(
     assert "the serial line failed" in said.err
 
 
+def test_a_model_alone_needs_no_page(motion: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(rp.MotionPlan, "save_html")
+    assert run(["view", str(motion), "--glb", "motion.glb", "--quiet"]) == OK
+    assert Path("motion.glb").read_bytes().startswith(b"glTF")
+
+
 def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["view", str(motion), "--glb", "motion.glb", "--html", "motion.html", "--json"]) == OK
     assert json.loads(capsys.readouterr().out) == {"files": {"page": "motion.html", "3-D model": "motion.glb"}}
