@@ -24,9 +24,10 @@ _MOST_CHANGES = 3
 
 
 def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
-    """Differences between two scenes that affect motions, one sentence each; () if their hashes and tools agree.
+    """Differences between two scenes that affect motions or their simulation, one sentence each.
 
-    A tool affects goals of its arm, not motions that are already planned; hashes do not contain it.
+    Tools, masses and friction are compared, too, which hashes do not contain: a tool affects goals of its arm, not
+    motions that are already planned; masses and friction affect simulations, those of held objects also torques.
 
     Args:
         before: The scene in which a motion was planned.
@@ -37,8 +38,7 @@ def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
     """
     of_kind("before", before, Scene)
     of_kind("after", after, Scene)
-    tools, tools_after = ({name: arm.robot.tool for name, arm in scene.arms.items()} for scene in (before, after))
-    if before.content_hash == after.content_hash and tools == tools_after:
+    if before.content_hash == after.content_hash and _outside_hash(before) == _outside_hash(after):
         return ()
     found = [
         *_by_name("arm", before.arms, after.arms, _arm),
@@ -49,6 +49,13 @@ def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
     if list(before.arms) != list(after.arms) and set(before.arms) == set(after.arms):
         found.append(f"the arms are in another order: {', '.join(after.arms)}")
     return tuple(found)
+
+
+def _outside_hash(scene: Scene) -> dict[str, object]:
+    """Tools of arms, and masses and friction of objects, by name."""
+    things: dict[str, Obstacle | Attachment] = {**scene.obstacles, **scene.attachments}
+    weights = {name: (thing.mass, thing.friction) for name, thing in things.items()}
+    return {**weights, **{name: arm.robot.tool for name, arm in scene.arms.items()}}
 
 
 def check_same_scene(what: str, own: Scene, scene: Scene, arms: Sequence[str], advice: str) -> None:
@@ -117,6 +124,7 @@ def _arm(before: Arm, after: Arm) -> Iterator[str]:
 def _obstacle(before: Obstacle, after: Obstacle) -> Iterator[str]:
     yield from _moved(before.pose, after.pose)
     yield from _shapes(before.geometries, after.geometries)
+    yield from _weight(before, after)
 
 
 def _attachment(before: Attachment, after: Attachment) -> Iterator[str]:
@@ -127,6 +135,15 @@ def _attachment(before: Attachment, after: Attachment) -> Iterator[str]:
     if before.touch != after.touch:
         now, then = (", ".join(sorted(held.touch)) or "no link" for held in (after, before))
         yield f"may touch {now}, not {then}"
+    yield from _weight(before, after)
+
+
+def _weight(before: Obstacle | Attachment, after: Obstacle | Attachment) -> Iterator[str]:
+    if before.mass != after.mass:
+        now = "no mass" if after.mass is None else f"a mass of {after.mass:.6g} kg"
+        yield f"has {now}, {'had none' if before.mass is None else f'was {before.mass:.6g} kg'}"
+    if before.friction != after.friction:
+        yield f"has a friction of {after.friction:.6g}, was {before.friction:.6g}"
 
 
 def _moved(before: Array, after: Array) -> Iterator[str]:

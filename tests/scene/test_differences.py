@@ -83,6 +83,17 @@ def test_another_tool_is_named_though_the_hashes_agree(scene: Scene) -> None:
     assert scene_differences(scene, other) == ("arm 'arm' has the tool 'link1', not 'tool'",)
 
 
+def test_masses_and_friction_are_named_though_the_hashes_agree(scene: Scene) -> None:
+    red, cup = scene.obstacles["red"], scene.attachments["cup"]
+    other = scene.with_obstacles({"red": replace(red, friction=0.5)})
+    other = replace(other, attachments={"cup": replace(cup, mass=0.25)})
+    assert other.content_hash == scene.content_hash
+    assert scene_differences(scene, other) == (
+        "obstacle 'red' has a friction of 0.5, was 1",
+        "held object 'cup' has a mass of 0.25 kg, had none",
+    )
+
+
 def test_equal_scenes_do_not_differ_whatever_their_names_and_colors(scene: Scene) -> None:
     red = scene.obstacles["red"]
     painted = replace(red, geometries=tuple(replace(g, color=(1.0, 0.0, 0.0, 1.0)) for g in red.geometries))
