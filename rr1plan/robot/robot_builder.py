@@ -64,7 +64,10 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     if known.is_partial and len(known.groups) > 1 and choice.groups is None and choice.joints is None:
         first, *others = known.groups
         log.warning(
-            "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
+            "%s: group %r is planned for, not %s; option groups of load_robot takes several",
+            tree.name,
+            first,
+            ", ".join(others),
         )
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
     tree = _limited_by_followers(_without_endless_ranges(tree))

@@ -297,9 +297,9 @@ def load_scene(name_or_file: str | Path) -> Scene:
     Args:
         name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene), a MotionBenchMaker
             scene (.yaml, .yml) or an MJCF file (.xml, .mjcf). MoveIt's and MotionBenchMaker's contain only obstacles:
-            add arms with `scene.with_arm`. The robot of an MJCF file is the arm "arm"; all other bodies with contacts
-            are obstacles, at their poses in its first keyframe. Those with a free joint are loose bodies with
-            their mass and friction.
+            add arms with `scene.with_arm`. The robot of an MJCF file is the arm "arm" (of several robots, the first one
+            moves); all other bodies with contacts are obstacles, at their poses in its first keyframe. Those with a
+            free joint are loose bodies with their mass and friction.
 
     Raises:
         UnknownNameError: no shipped scene of that name.

@@ -383,7 +383,7 @@ def test_two_arms_are_two_groups(folder: Path, caplog: pytest.LogCaptureFixture)
     assert robot.joint_names == ("left/a", "left/b")
     assert robot.tool == "left/gripper"
     assert dict(robot.locked_joints) == {"right/a": 0.3, "right/b": 0.4}
-    assert "'left/base' is planned for, not right/base" in caplog.text
+    assert "'left/base' is planned for, not right/base; option groups of load_robot takes several" in caplog.text
     caplog.clear()
     both = load(folder, CASES["two arms and a cube"], groups=["left/base", "right/base"])
     assert both.nq == 4
