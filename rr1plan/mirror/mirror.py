@@ -216,7 +216,8 @@ class Mirror:
         self._note_changes(state, was_inside)
         self.state = state
         if self._page is not None:
-            self._page.draw(state, arrival, self._statistics, self.events[-1] if self.events else None)
+            event = self.events[-1] if self.events else None
+            self._page.draw(state, positions, arrival, self._statistics, event)
         return state
 
     def report(self) -> MirrorReport:

@@ -13,6 +13,8 @@ from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
 
+CONNECTED = "window.RR1 && RR1.ready && RR1.live.socket && RR1.live.socket.readyState === 1"
+
 
 def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any) -> None:
     scene = rp.load_scene("rr1_table")
@@ -59,6 +61,23 @@ def test_deviations_of_slides_are_lengths(tab: Any) -> None:
         assert "12.50 mm" in tab.ask(f"{rows}[0].innerText")
         # Each bar is as long as the largest deviation of its kind.
         assert tab.ask(f"{rows}.map((row) => row.querySelector('b').style.width)") == ["50%", "50%"]
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize("planned", [False, True])
+def test_measured_fingers_are_drawn(tab: Any, planned: bool) -> None:
+    scene = rp.load_scene("rr1_table")
+    names, q = scene.joint_names(), scene.configuration()
+    still = rp.Trajectory.from_samples(names, [0.0, 1.0], [q, q]) if planned else None
+    opened = scene.arms["rr1"].robot.with_locked_joints({"finger_joint": 0.3})
+    with rp.Mirror(scene, still) as mirror:
+        viewer = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
+        tab.open(viewer.url, CONNECTED)
+        mirror.receive(rp.StateMessage(0.0, (*names, "rr1/finger_joint"), [*q, 0.3], received=0.0))
+        wait_until(tab.page, "RR1.joints.length > 6 && Math.abs(RR1.q[6] - 0.3) < 1e-9")
+        for link in ("finger_link", "opposite_finger_link"):
+            drawn = np.reshape(tab.ask(f"RR1.linkPose('rr1/{link}')"), (4, 4)).T
+            np.testing.assert_allclose(drawn, rp.Kinematics(opened).pose(q, link), atol=1e-6)
     assert tab.complaints == []
 
 
