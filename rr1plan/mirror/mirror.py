@@ -168,6 +168,7 @@ class Mirror:
                     break
         except KeyboardInterrupt:
             pass
+        self._draw()
         return self.report()
 
     def receive(self, item: StateMessage | StreamError) -> MirrorState | None:
@@ -188,6 +189,7 @@ class Mirror:
             raise InputError("the mirror is closed")
         if isinstance(item, StreamError):
             self._fault(item)
+            self._draw_fault(silent=item.fault == "silence")
             return None
         of_kind("item", item, StateMessage)
         if self._record_path is not None:
@@ -202,6 +204,8 @@ class Mirror:
         for fault in faults:
             self._fault(fault)
         if now is None:
+            if faults:
+                self._draw_fault(silent=False)
             return None
         arrival = now if item.received is None else item.received
         self._start = now if self._start is None else self._start
@@ -215,9 +219,7 @@ class Mirror:
         self._statistics.add(state, arrival, was_inside)
         self._note_changes(state, was_inside)
         self.state = state
-        if self._page is not None:
-            event = self.events[-1] if self.events else None
-            self._page.draw(state, positions, arrival, self._statistics, event)
+        self._draw(arrival)
         return state
 
     def report(self) -> MirrorReport:
@@ -238,6 +240,18 @@ class Mirror:
             self._shift = arrival - message.received
         self._arrived = replace(message, received=arrival)
         return self._arrived
+
+    def _draw(self, arrival: float | None = None) -> None:
+        """Show the latest state on the page, if there is one; with a time of arrival it may be omitted."""
+        if self._page is not None and self.state is not None:
+            event = self.events[-1] if self.events else None
+            self._page.draw(self.state, self._reader.positions, self._statistics, event, arrival)
+
+    def _draw_fault(self, *, silent: bool) -> None:
+        """Show a fault on the page."""
+        if self._page is not None:
+            event = self.events[-1] if self.events else None
+            self._page.draw_fault(self.state, self._reader.positions, self._statistics, event, silent=silent)
 
     def _fault(self, error: StreamError) -> None:
         """Count a fault; consecutive faults of one kind are one event."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from time import monotonic
 
 from rr1plan.checks import Array
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorState, MirrorStatistics
@@ -18,6 +19,8 @@ from rr1plan.trajectory import Trajectory
 
 # Shortest interval between updates of the page, and of its panel [s].
 _FRAME, _PANEL = 1 / 60, 0.1
+# A state counts as out of date if messages have given no other for longer than this [s].
+_LATE = 1.0
 _WIDTH = 380  # [px]
 
 
@@ -36,7 +39,7 @@ class MirrorPage:
 
     def __init__(self, scene: Scene, plan: Trajectory | None, names: tuple[str, ...], options: ViewOptions) -> None:
         html, css, script = (page_asset(f"mirror.{kind}") for kind in ("html", "css", "js"))
-        data = {"joints": list(names), "state": None}
+        data = {"joints": list(names), "state": None, "event": None, "late": False}
         panel = Panel("mirror", "Mirror", html=html, css=css, script=script, data=data, width=_WIDTH)
         title = f"{scene.name}: mirror" if options.title is None else options.title
         options = replace(with_panel(options, panel), title=title, play=False, planner=False)
@@ -50,27 +53,68 @@ class MirrorPage:
             plan = Trajectory.merge(plan, rest)
         self.viewer = announced(Viewer(shown, trajectory=plan, options=options))
         self._next_frame = self._next_panel = -math.inf
+        self._event: MirrorEvent | None = None
+        self._late = False
+        self._heard = monotonic()
 
     def draw(
         self,
         state: MirrorState,
         positions: Array,
-        now: float,
         statistics: MirrorStatistics,
         event: MirrorEvent | None,
+        now: float | None = None,
     ) -> None:
-        """Show a state that arrived at a time [s], with the positions of all movable joints, and the latest event."""
+        """Show a state.
+
+        Args:
+            state: The state.
+            positions: Positions of all movable joints [rad or m], shape (n,).
+            statistics: Those of all messages so far.
+            event: The latest event; a new one is shown at once.
+            now: Time of arrival [s]; a state that arrives soon after the one shown is omitted. None: it is shown.
+        """
         if self.viewer.closed:
             return
+        if now is None:
+            self.viewer.update(positions[self._columns])
+            self._fill_panel(state, statistics, event, late=self._late)
+            return
+        self._heard = monotonic()
         if now >= self._next_frame:
             self.viewer.update(positions[self._columns])
             self._next_frame = now + _FRAME
-        if now >= self._next_panel:
-            self.viewer.update_panel("mirror", {"state": _panel_state(state, statistics, event)})
+        if now >= self._next_panel or event is not self._event or self._late:
+            self._fill_panel(state, statistics, event, late=False)
             self._next_panel = now + _PANEL
 
+    def draw_fault(
+        self,
+        state: MirrorState | None,
+        positions: Array,
+        statistics: MirrorStatistics,
+        event: MirrorEvent | None,
+        *,
+        silent: bool,
+    ) -> None:
+        """Show the latest event, and whether the latest state, which may be omitted so far, is out of date by now."""
+        late = silent or monotonic() > self._heard + _LATE
+        if self.viewer.closed or (late is self._late and event is self._event):
+            return
+        if state is not None:
+            self.viewer.update(positions[self._columns])
+        self._fill_panel(state, statistics, event, late=late)
 
-def _panel_state(state: MirrorState, statistics: MirrorStatistics, event: MirrorEvent | None) -> dict[str, object]:
+    def _fill_panel(
+        self, state: MirrorState | None, statistics: MirrorStatistics, event: MirrorEvent | None, *, late: bool
+    ) -> None:
+        shown = None if state is None else _panel_state(state, statistics)
+        text = None if event is None else f"{event.time:.2f} s: {event.message}"
+        self.viewer.update_panel("mirror", {"state": shown, "event": text, "late": late})
+        self._event, self._late = event, late
+
+
+def _panel_state(state: MirrorState, statistics: MirrorStatistics) -> dict[str, object]:
     corridor = state.corridor
     return {
         "time": state.time,
@@ -82,5 +126,4 @@ def _panel_state(state: MirrorState, statistics: MirrorStatistics, event: Mirror
         "use": None if corridor is None else corridor.use,
         "pair": None if corridor is None else list(corridor.pair),
         "contacts": [list(pair) for pair in state.contacts],
-        "event": None if event is None else f"{event.time:.2f} s: {event.message}",
     }

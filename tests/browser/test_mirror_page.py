@@ -45,6 +45,33 @@ def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any)
     assert tab.complaints == []
 
 
+def test_the_panel_says_that_messages_end(tab: Any) -> None:
+    scene = rp.load_scene("rr1_table")
+    names, q = scene.joint_names(), scene.configuration()
+    still = rp.Trajectory.from_samples(names, [0.0, 1.0], [q, q])
+    silence = rp.StreamError("silence", "no message for 1 s")
+    panel = "document.querySelector('#panel-mirror')"
+
+    def shown(part: str, begin: str) -> str:
+        return f"{panel}.querySelector('.{part}').textContent.startsWith('{begin}')"
+
+    with rp.Mirror(scene, still) as mirror:
+        viewer = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
+        tab.open(viewer.url, CONNECTED)
+        mirror.receive(silence)
+        wait_until(tab.page, f"{shown('verdict', 'No usable message yet')} && {shown('event', '0.00 s: no message')}")
+        # The second state soon follows the first one, and so is not shown before the silence.
+        for k in (1.0, 1.01):
+            mirror.receive(rp.StateMessage(k, names, q, received=k))
+        wait_until(tab.page, f"{shown('facts', '1.00 s')} && {shown('verdict', 'Inside')}")
+        mirror.receive(silence)
+        wait_until(tab.page, f"{shown('facts', '1.01 s')} && {shown('verdict', 'No usable message since 1.01 s')}")
+        assert tab.ask(f"{panel}.querySelector('.verdict').className") == "verdict open"
+        mirror.run([rp.StateMessage(k, names, q, received=k) for k in (2.0, 2.01)])
+        wait_until(tab.page, f"{shown('facts', '2.01 s')} && {shown('verdict', 'Inside')}")
+    assert tab.complaints == []
+
+
 def test_deviations_of_slides_are_lengths(tab: Any) -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm("PR"))
     names, q = scene.joint_names(), scene.configuration()

@@ -58,17 +58,21 @@ function drawUses() {
 }
 
 function show() {
-  const { state } = data;
-  if (!state) return;
+  const { state, late } = data;
+  event.textContent = data.event || "";
+  if (!state) {
+    if (late) verdict.textContent = "No usable message yet";
+    return;
+  }
   const touching = state.contacts.length > 0, moved = state.moved.length > 0;
   const outside = !moved && state.use !== null && state.use >= 1;
-  verdict.className = `verdict ${touching || outside ? "bad" : moved || state.use === null ? "open" : "good"}`;
+  verdict.className = `verdict ${touching || outside ? "bad" : late || moved || state.use === null ? "open" : "good"}`;
   verdict.textContent = touching ? `${state.contacts[0].join(" and ")} touch`
+    : late && !outside ? `No usable message since ${inSeconds(state.time)}: the arm may be elsewhere`
     : moved ? `Not proven: the plan assumes ${state.moved.join(" and ")} elsewhere`
     : outside ? `Outside the certified corridor: ${state.pair.join(" and ")} might touch`
     : state.use === null ? "No plan to compare with" : "Inside the certified corridor: proven free of collision";
-  facts.textContent = `${inSeconds(state.time)} · ${state.rate.toFixed(0)} messages/s · delay ${(1000 * state.delay).toFixed(1)} ms`;
-  event.textContent = state.event || "";
+  facts.textContent = late ? inSeconds(state.time) : `${inSeconds(state.time)} · ${state.rate.toFixed(0)} messages/s · delay ${(1000 * state.delay).toFixed(1)} ms`;
   if (state.deviation) {
     rows.forEach(({ bar, now, most }, i) => {
       // Bars of angles and of lengths have scales of their own.
