@@ -134,13 +134,19 @@ class Mirror:
     def show(self, *, options: ViewOptions | None = None) -> Viewer:
         """Open a live page that shows the arms as measured, with their deviation from the plan.
 
+        A mirror has one page: an earlier one is closed.
+
         Args:
             options: How the page looks (default: `ViewOptions()`); the page neither plays nor plans.
 
         Raises:
             BackendError: no free port.
         """
-        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, checked_options(options))
+        options = checked_options(options)
+        if self._page is not None:
+            self._page.viewer.close()
+        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, options)
+        self._draw()
         return self._page.viewer
 
     def run(self, stream: Iterable[StateMessage | StreamError], *, duration: float | None = None) -> MirrorReport:

@@ -72,6 +72,20 @@ def test_the_panel_says_that_messages_end(tab: Any) -> None:
     assert tab.complaints == []
 
 
+def test_a_page_opened_again_replaces_the_first_and_shows_the_latest_state(tab: Any) -> None:
+    scene = rp.load_scene("rr1_table")
+    names, q = scene.joint_names(), np.array(scene.configuration())
+    with rp.Mirror(scene) as mirror:
+        first = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
+        mirror.receive(rp.StateMessage(0.5, names, q + 0.1, received=0.5))
+        again = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
+        assert first.closed
+        tab.open(again.url, CONNECTED)
+        wait_until(tab.page, "document.querySelector('#panel-mirror .facts').textContent.startsWith('0.50 s')")
+        wait_until(tab.page, f"Math.abs(RR1.q[0] - {q[0] + 0.1}) < 1e-9")
+    assert again.closed
+
+
 def test_deviations_of_slides_are_lengths(tab: Any) -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm("PR"))
     names, q = scene.joint_names(), scene.configuration()
