@@ -581,6 +581,16 @@ def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
         viewer.load(two_arms.without_obstacle("ball"), options=rp.ViewOptions(title="another"))
         wait_until(tab.page, "document.title === 'another'")
         assert tab.ask("RR1.document.obstacles.length") == len(two_arms.obstacles) - 1
+        camera = "RR1.stage.camera.position.toArray()"
+        tab.ask("RR1.look([1, 2, 0.5])")
+        before = tab.ask(camera)
+        viewer.load(two_arms.without_obstacle("ball").without_obstacle("ground"))
+        wait_until(tab.page, f"RR1.document.obstacles.length === {len(two_arms.obstacles) - 2}")
+        np.testing.assert_allclose(tab.ask(camera), before, atol=1e-9)
+        robot = two_arms.arms["left"].robot
+        viewer.load(rp.Scene(name="far").with_arm("arm", robot, [8.0, 0.0, 0.0]))
+        wait_until(tab.page, "document.title === 'far'")
+        assert tab.ask(COVERED) == []
         assert {url.split("?")[0] for url in tab.requests} <= {viewer.url, viewer.url.replace("http", "ws") + "updates"}
     wait_until(tab.page, "RR1.live.ended")
     status, title = (tab.page.locator(name).bounding_box() for name in ("#status", "#headline"))

@@ -57,8 +57,10 @@ class Viewer {
 
   // ---- documents ---------------------------------------------------------------------------
 
-  /** Shows a document; with keep, the camera does not move. */
+  /** Shows a document; with keep, the camera does not move, unless the arms are others or stand elsewhere. */
   load(doc, keep = false) {
+    const placed = ({ arms }) => JSON.stringify(arms.map(({ name, base }) => [name, base]));
+    const moves = !keep || !this.framed || placed(this.document) !== placed(doc);
     if (this.world) this.world.dispose();
     this.document = doc;
     this.kinematics = new Kinematics(doc);
@@ -87,7 +89,7 @@ class Viewer {
     this.plots.load();
     this.sideBySide.load();
     this.show();
-    if (!keep || !this.framed) this.look();
+    if (moves) this.look();
     this.editing.load(doc);
     for (const f of this.listeners.load) f(doc);
     this.loadPlanner(doc);
