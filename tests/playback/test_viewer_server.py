@@ -272,6 +272,18 @@ def test_a_motion_is_loaded_by_its_scene_and_trajectory(viewer: Viewer, rr1_tabl
         viewer.load(motion)
 
 
+def test_a_page_without_a_planner_has_none_after_a_load(rr1_table: rp.Scene) -> None:
+    q = rr1_table.configuration()
+    motion = rp.Trajectory.from_samples(rr1_table.joint_names(), [0.0, 1.0], [q, q + 0.1])
+    options = rp.ViewOptions(port=0, planner=False, clearances=False)
+    with Viewer(rr1_table, trajectory=motion, options=options) as shown:
+        shown.load(rr1_table.without_obstacle("ball"), trajectory=motion, options=rp.ViewOptions(title="another"))
+        document, _ = shown.page_content()
+        assert document["title"] == "another"
+        assert document["planner"] is None
+        assert document["samples"]["clearance"] is None
+
+
 def test_ctrl_c_ends_wait_and_leaves_the_viewer_usable(
     viewer: Viewer, rr1_table: rp.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,7 +120,8 @@ class Viewer:
     ) -> None:
         """Show another scene or motion on the same page; the arguments are those of `save_html`.
 
-        Of the options only the title and the spheres are used; the others remain those with which the page was opened.
+        Of the options only the title, the spheres, the motion to compare and the tree are used; the others remain those
+        with which the page was opened.
 
         Raises:
             UnknownNameError: a column that is not a joint of the scene.
@@ -131,6 +132,8 @@ class Viewer:
                 f"scene is of type {type(scene).__name__}, expected Scene; pass its attributes: "
                 "load(motion.scene, trajectory=motion.trajectory)"
             )
+        opened = self._options
+        options = replace(checked_options(options), planner=opened.planner, clearances=opened.clearances)
         document = view_document(
             scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
         )
