@@ -116,6 +116,28 @@ def test_the_menu_shows_a_speed_set_by_the_program(browser: Any, flat: rp.Scene)
     tab.close()
 
 
+def test_a_page_that_loads_slowly_skips_documents(tab: Any, flat: rp.Scene) -> None:
+    still = rp.Trajectory.from_samples(flat.joint_names(), [0.0, 1.0], [[0.0, 0.0], [0.1, 0.1]])
+    with rp.show(flat, trajectory=still, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        tab.open(viewer.url, CONNECTED)
+        loaded = tab.ask(
+            """async (page) => {
+                const { live } = RR1, loaded = [], usual = RR1.load.bind(RR1);
+                RR1.load = (value, keep) => { loaded.push(value.title); usual(value, keep); };
+                const send = (type, value) => live.take(JSON.stringify({ type, value, version: live.version }));
+                send("seek", 0.5);
+                for (const title of ["first", "second", "third"]) send("document", { ...page, title });
+                send("seek", 0.25);
+                while (document.title !== "third") await new Promise(requestAnimationFrame);
+                return loaded;
+            }""",
+            viewer.page_content()[0],
+        )
+        assert loaded == ["third"]
+        assert tab.ask("RR1.time") == 0.25
+    assert tab.complaints == []
+
+
 PROGRAM = """
 import sys, rr1plan as rp
 robot = rp.load_robot("planar2r")

@@ -1,4 +1,4 @@
-// A page that follows a running Python program: only the latest configuration is shown.
+// A page that follows a running Python program: only the latest document and configuration are shown.
 
 const AGAIN = 1000; // [ms] between attempts to reach the program
 const ANSWER_TIME = 10000; // [ms] for an answer: another program at the address may accept connections and never answer
@@ -14,6 +14,7 @@ class Live {
     this.access = access;
     this.version = access.version;
     this.newest = null;
+    this.waiting = []; // a document to load, and messages after it
     this.latest = { frame: null, entries: new Map() };
     this.repeats = new Set(); // what the server sends again first
     this.ended = false;
@@ -79,10 +80,26 @@ class Live {
   take(data) {
     if (data instanceof ArrayBuffer) { this.takeFrame(new Float64Array(data)); return; }
     const message = JSON.parse(data);
+    // The configuration before it is out of date, and the server does not repeat it either.
+    if (message.type !== "panels") this.newest = this.latest.frame = null;
+    if (message.type === "document") {
+      // Loading takes a while: a later document replaces one that waits, so that the page does not lag behind.
+      if (!this.waiting.length) setTimeout(() => this.catchUp());
+      this.waiting = this.waiting.filter(({ type }) => type !== "document");
+    }
+    if (message.type === "document" || this.waiting.length) this.waiting.push(message); else this.act(message);
+  }
+
+  catchUp() {
+    const messages = this.waiting;
+    this.waiting = [];
+    for (const message of messages) this.act(message);
+  }
+
+  act(message) {
     const { viewer } = this;
-    if (message.type !== "panels") this.latest.frame = null; // the server does not repeat it either
     const acts = {
-      document: () => { this.version = message.version; this.newest = null; this.latest.entries.clear(); viewer.load(message.value, true); },
+      document: () => { this.version = message.version; this.latest.entries.clear(); viewer.load(message.value, true); },
       play: () => viewer.play(),
       pause: () => viewer.pause(),
       seek: () => viewer.seek(message.value),
@@ -123,7 +140,7 @@ class Live {
 
   /** Shows the latest configuration received since the last frame. */
   flush() {
-    if (!this.newest) return;
+    if (!this.newest || this.waiting.length) return;
     const q = this.newest;
     this.newest = null;
     if (q.length === this.viewer.q.length) this.viewer.setQ(q, "live");
