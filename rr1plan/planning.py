@@ -136,7 +136,8 @@ class PlanResult:
             if self.path is None
             else f"{counted(len(self.path), 'waypoint')}, length {self.path.length:.2f}"
         )
-        return f"PlanResult({self.planner}, {self.status.value}: {said})"
+        by = f"{self.planner}, " if self.planner else ""  # none of a motion from a file
+        return f"PlanResult({by}{self.status.value}: {said})"
 
     @property
     def found(self) -> bool:
@@ -154,7 +155,8 @@ class PlanResult:
             NoPlanError: no path was found; the message is the reason.
         """
         if self.path is None:
-            raise NoPlanError(f"{self.planner}: {self.status.value}: {self.reason or EACH_ARM_ALONE}")
+            by = f"{self.planner}: " if self.planner else ""
+            raise NoPlanError(f"{by}{self.status.value}: {self.reason or EACH_ARM_ALONE}")
         return self.path
 
 

@@ -242,6 +242,13 @@ def test_what_it_raises_is_told_and_our_own_errors_pass(problem: rp.Problem) -> 
         rp.plan(problem, planner=Answering(refuse))
 
 
+def test_a_result_without_a_planner_names_none() -> None:
+    path = rp.Path(["arm/joint1"], [[0.0], [1.0]])
+    assert repr(rp.PlanResult(rp.PlanStatus.FOUND, path)) == "PlanResult(found: 2 waypoints, length 1.00)"
+    with pytest.raises(rp.errors.NoPlanError, match=r"^timeout: none$"):
+        rp.PlanResult(rp.PlanStatus.TIMEOUT, None, "none").path_or_raise()
+
+
 def test_a_planner_without_a_name_or_a_base_is_refused(problem: rp.Problem) -> None:
     class Nameless(ViaPoint):
         name = None
