@@ -116,6 +116,33 @@ def test_the_menu_shows_a_speed_set_by_the_program(browser: Any, flat: rp.Scene)
     tab.close()
 
 
+def test_pages_that_open_later_obey_the_commands_so_far(tab: Any, flat: rp.Scene) -> None:
+    still = rp.Trajectory.from_samples(flat.joint_names(), [0.0, 1.0], [[0.0, 0.0], [0.1, 0.1]])
+    with rp.show(flat, trajectory=still, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        viewer.set_speed(3.0)
+        viewer.seek(0.5)
+        viewer.pause()
+        tab.open(viewer.url, f"{CONNECTED} && RR1.live.count === 3")
+        assert tab.ask("[RR1.player.speed, RR1.time, RR1.playing]") == [3, 0.5, False]
+        # They are not repeated after a reconnection, which would undo what the user has changed since.
+        tab.ask(
+            """() => new Promise((closed) => {
+                RR1.seek(0.25);
+                const { socket } = RR1.live;
+                socket.addEventListener("close", closed);
+                socket.close();
+            })"""
+        )
+        wait_until(tab.page, CONNECTED)
+        viewer.set_speed(2.0)
+        wait_until(tab.page, "RR1.player.speed === 2")
+        assert tab.ask("RR1.time") == 0.25
+        viewer.load(flat, trajectory=still)
+        tab.open(viewer.url, f"{CONNECTED} && RR1.player.speed === 2")
+        assert tab.ask("RR1.playing")
+    assert tab.complaints == []
+
+
 def test_a_page_that_loads_slowly_skips_documents(tab: Any, flat: rp.Scene) -> None:
     still = rp.Trajectory.from_samples(flat.joint_names(), [0.0, 1.0], [[0.0, 0.0], [0.1, 0.1]])
     with rp.show(flat, trajectory=still, options=rp.ViewOptions(port=0, quiet=True)) as viewer:

@@ -74,6 +74,8 @@ class LivePage:
         self._document = ""
         self._panels: dict[str, dict[str, object]] = {}  # updates of panels since the document was set
         self._frame: bytes | None = None
+        self._commands: dict[str, str] = {}  # the latest ones of each kind, in order, since the document was set
+        self._count = 0  # of all commands
 
     @property
     def pages(self) -> int:
@@ -92,6 +94,7 @@ class LivePage:
         with self._lock:
             self._version += 1
             self._frame = None
+            self._commands = {kind: text for kind, text in self._commands.items() if kind == "speed"}
             message = {"type": "document", "version": self._version, "value": document}
             self._document = text = json.dumps(message, allow_nan=False)
             for name in document.get("panels", ()):  # new data, which earlier updates do not concern
@@ -119,10 +122,14 @@ class LivePage:
         self._run(lambda: self.tell(text))
 
     def command(self, name: str, value: float | None = None) -> None:
-        """Play, pause, seek or change the speed in all browsers."""
-        text = json.dumps({"type": name, "value": value}, allow_nan=False)
+        """Play, pause, seek or change the speed in all browsers, also in those that open the page later."""
+        kind = "run" if name in ("play", "pause") else name
         with self._lock:
             self._frame = None
+            self._count += 1
+            text = json.dumps({"type": name, "value": value, "count": self._count}, allow_nan=False)
+            self._commands.pop(kind, None)
+            self._commands[kind] = text
         self._run(lambda: self.tell(text))
 
     # ---- in the server's thread ----------------------------------------------------------
@@ -152,18 +159,27 @@ class LivePage:
         """Whether a token is valid for this page."""
         return secrets.compare_digest(token.encode(), self.token.encode())
 
-    def welcome(self, client: UpdatesHandler, version: str) -> None:
-        """Connect a browser: it gets the document if it has an older one, data of panels, and the configuration."""
+    def welcome(self, client: UpdatesHandler, version: str, count: str) -> None:
+        """Connect a browser: it gets the document if it has an older one, data of panels, commands and configuration.
+
+        Args:
+            client: The browser.
+            version: The version of its document.
+            count: Number of the latest command that it knows; if there are no newer ones, none is repeated.
+        """
         self._clients.add(client)
         self.visits += 1
         with self._lock:
             late = version != str(self._version)
             document, frame = self._document, self._frame
             panels = _panels_message(self._panels) if self._panels else None
+            commands = [] if count == str(self._count) else list(self._commands.values())
         if late:
             client.tell(document)
         if panels is not None:
             client.tell(panels)
+        for command in commands:
+            client.tell(command)
         if frame is not None:
             client.spread()
 
@@ -240,7 +256,7 @@ class UpdatesHandler(WebSocketHandler):
     def open(self, *_args: str, **_kwargs: str) -> None:
         """Connect the browser; one that shows a page of an earlier program has to reload."""
         if self.trusted:
-            self.page.welcome(self, self.get_query_argument("version", ""))
+            self.page.welcome(self, *(self.get_query_argument(name, "") for name in ("version", "count")))
         else:
             self.tell(json.dumps({"type": "reload"}))
             self.close()

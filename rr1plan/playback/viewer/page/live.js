@@ -13,6 +13,7 @@ class Live {
     this.viewer = viewer;
     this.access = access;
     this.version = access.version;
+    this.count = 0; // number of the latest command
     this.newest = null;
     this.waiting = []; // a document to load, and messages after it
     this.latest = { frame: null, entries: new Map() };
@@ -24,7 +25,7 @@ class Live {
   }
 
   connect() {
-    const { token, address } = this.access, query = new URLSearchParams({ version: this.version, token });
+    const { token, address } = this.access, query = new URLSearchParams({ version: this.version, count: this.count, token });
     const own = `${location.protocol.replace("http", "ws")}//${location.host}${location.pathname}updates`;
     const socket = (this.socket = new WebSocket(`${address || own}?${query}`, PROTOCOL));
     const expiry = setTimeout(() => socket.close(), ANSWER_TIME);
@@ -82,6 +83,7 @@ class Live {
     const message = JSON.parse(data);
     // The configuration before it is out of date, and the server does not repeat it either.
     if (message.type !== "panels") this.newest = this.latest.frame = null;
+    if (message.count) this.count = message.count;
     if (message.type === "document") {
       // Loading takes a while: a later document replaces one that waits, so that the page does not lag behind.
       if (!this.waiting.length) setTimeout(() => this.catchUp());
