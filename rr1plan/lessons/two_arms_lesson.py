@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
@@ -117,7 +117,8 @@ class TwoArmsLesson(Lesson):
         if len(scene.arms) != 2 or len(arms) != 2 or len(flat) != 2:
             raise InputError(
                 "lesson 'two_arms' needs a scene of two arms, each of two joints in a horizontal plane, and goals for "
-                f"both; here are {len(scene.arms)} arms, {len(flat)} of them such, and {len(arms)} with a goal"
+                f"both; this one has {counted(len(scene.arms), 'arm')}, {len(flat)} of them such, "
+                f"and {len(arms)} with a goal"
             )
         self.scene, self.arms, self._aspect = scene, (arms[0], arms[1]), 0.9
         pair = path_pair(scene, *((name, _path_alone(problem, name)) for name in self.arms))

@@ -218,6 +218,9 @@ def test_two_arms_that_the_lesson_cannot_be_about_are_refused() -> None:
         rp.lesson("two_arms", scene)
     with pytest.raises(rp.InputError, match="2 arms, 2 of them such, and 1 with a goal"):
         rp.lesson("two_arms", problem=rp.Problem(scene, None, {"one": [0.1, 0.0]}))
+    alone = rp.Scene().with_arm("one", scene.arms["one"].robot)
+    with pytest.raises(rp.InputError, match="this one has 1 arm, 1 of them such, and 1 with a goal"):
+        rp.lesson("two_arms", problem=rp.Problem(alone, None, [0.1, 0.0]))
     with pytest.raises(rp.InputError, match="2 arms, 0 of them such"):
         rp.lesson("two_arms", problem=rp.load_problems("rr1_pair")["change_places"])
     with pytest.raises(rp.InputError, match="cannot be at both goals: 'one/link1' and 'two/link2' overlap"):
