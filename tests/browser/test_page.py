@@ -457,15 +457,18 @@ def test_the_clock_of_a_short_motion_has_more_digits(tab: Any, planar2r: rp.Robo
     assert "0.0100 s" in tab.page.inner_text("#facts")
 
 
+@pytest.mark.parametrize(
+    ("script", "words"), [("nowhere.x();", "nowhere is not defined"), ("const = 1;", "Unexpected")]
+)
 def test_a_mistake_in_the_script_of_a_panel_stops_only_that_panel(
-    tab: Any, planar2r: rp.Robot, tmp_path: FilePath
+    tab: Any, planar2r: rp.Robot, tmp_path: FilePath, script: str, words: str
 ) -> None:
     scene = rp.Scene().with_arm("arm", planar2r)
-    panels = (Panel("broken", "Broken", script="nowhere.x();"), Panel("whole", "Whole", script="root.id = 'done';"))
+    panels = (Panel("broken", "Broken", script=script), Panel("whole", "Whole", script="root.id = 'done';"))
     tab.open(save_html(tmp_path / "page.html", scene, options=rp.ViewOptions(panels=panels)))
     assert tab.page.locator("#done").count() == 1
     wait_until(tab.page, "RR1.frames > 0")
-    assert [text for text in tab.complaints if "nowhere is not defined" not in text] == []
+    assert [text for text in tab.complaints if words not in text] == []
     assert tab.complaints
 
 

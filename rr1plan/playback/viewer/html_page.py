@@ -54,7 +54,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
     options = checked_options(options)
     panels = options.panels
     plans = plans_by_itself(document)
-    scripts = [_planner_script(), _meshcat(), _script(panels)]
+    scripts = [_planner_script(), _meshcat(), *_page_scripts(panels)]
     settings = {
         "live": None if live is None else live._asdict(),
         "view": options.view,
@@ -72,7 +72,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
         "SETTINGS": json_for_html(settings),
         "PLANNER": scripts[0],
         "MESHCAT": scripts[1],
-        "SCRIPT": scripts[2],
+        "SCRIPTS": "\n".join(f"<script>{script}</script>" for script in scripts[2:]),
     }
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], page_asset("page.html"))
 
@@ -161,11 +161,15 @@ def _planner_script() -> str:
     return _sealed(f"'use strict';\n{_without_comments(planner_script())}\n", "script")
 
 
-def _script(panels: Sequence[Panel]) -> str:
-    parts = [_without_comments(page_asset(name)) for name in _SCRIPTS]
+def _page_scripts(panels: Sequence[Panel]) -> list[str]:
+    """The page's own script, one for each panel, and the last one, which starts the page.
+
+    A syntax error in the script of a panel stops only that script, and their names are global, so that all have them.
+    """
+    *parts, start = [_without_comments(page_asset(name)) for name in _SCRIPTS]
+    own = "\n".join(["const mounts = {};", *parts])
     mounts = [f"mounts[{json.dumps(p.name)}] = function (viewer, root, data) {{\n{p.script}\n}};" for p in panels]
-    body = "\n".join([*parts[:-1], *mounts, parts[-1]])
-    return _sealed(f"(function () {{\n'use strict';\nconst mounts = {{}};\n{body}\n}})();\n", "script")
+    return [_sealed(f"'use strict';\n{script}\n", "script") for script in (own, *mounts, start)]
 
 
 def _without_comments(script: str) -> str:

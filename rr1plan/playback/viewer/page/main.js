@@ -424,9 +424,10 @@ viewer.preferred = settings.view;
 viewer.load(JSON.parse(find("document").textContent));
 for (const panel of settings.panels) {
   viewer.panelData[panel.name] = panel.data;
-  // A mistake in the script of one panel stops neither the page nor other panels; the browser's console shows it.
+  // A mistake in the script of one panel stops neither the page nor other panels; the browser's console shows it. A
+  // script with a syntax error has no function here.
   try {
-    mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
+    mounts[panel.name]?.(viewer, find(`panel-${panel.name}`), panel.data);
   } catch (error) {
     reportError(error);
   }
