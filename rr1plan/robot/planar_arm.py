@@ -36,7 +36,7 @@ def planar_arm(
     joints: str = "RR",
     lengths: ArrayLike = (1.0, 0.8),
     *,
-    width: float = 0.08,
+    width: float | None = None,
     limits: Sequence[ArrayLike | None] | None = None,
     name: str | None = None,
 ) -> Robot:
@@ -50,7 +50,8 @@ def planar_arm(
     Args:
         joints: "RR", "RP", "PR" or "PP".
         lengths: For a turning joint the length of its link, for a sliding joint its travel [m], shape (2,).
-        width: Width of the links, diameter of the gantry's rod [m].
+        width: Width of the links, diameter of the gantry's rod [m] (default: 8 % of the longer length, at most a fifth
+            of the shorter one).
         limits: For each joint its lowest and highest value [rad or m], or None: turning joints then have no limits, and
             sliding joints a range from 0 to their length.
         name: Name of the robot (default: "planar_rr" and so on).
@@ -64,7 +65,8 @@ def planar_arm(
     if len(sizes) != 2:
         raise InputError(f"lengths has {counted(len(sizes), 'number')}, expected two [m]")
     first, second = (positive_length("length", value) for value in sizes)
-    width = positive_length("width", width)
+    usual = min(0.08 * max(first, second), 0.2 * min(first, second))
+    width = usual if width is None else positive_length("width", width)
     name = f"planar_{joints.lower()}" if name is None else name
     check_text("name", name)
     given = (None, None) if limits is None else items_of("limits", limits, "a range for each joint")

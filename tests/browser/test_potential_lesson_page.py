@@ -20,7 +20,7 @@ SCENES = {
     "RR": None,
     "PR": rp.Problem(
         rp.Scene()
-        .with_arm("arm", rp.planar_arm("PR", (2.0, 0.6)))
+        .with_arm("arm", rp.planar_arm("PR", (2.0, 0.6), width=0.08))
         .with_obstacle("post", rp.Sphere(0.1), (1.0, 0.5, 0.0)),
         [0.3, 0.9],
         rp.JointGoal([1.7, 2.2]),

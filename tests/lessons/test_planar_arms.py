@@ -107,6 +107,15 @@ def test_limits_and_names_are_arguments() -> None:
 
 
 @pytest.mark.parametrize(
+    ("lengths", "width"), [((1.0, 0.8), 0.08), ((5e-3, 4e-3), 4e-4), ((20.0, 14.0), 1.6), ((10.0, 0.5), 0.1)]
+)
+def test_links_are_as_wide_as_their_lengths_allow(lengths: tuple[float, float], width: float) -> None:
+    link = rp.planar_arm("RR", lengths).links[1].collisions[0].shape
+    assert isinstance(link, rp.Capsule)
+    assert 2.0 * link.radius == pytest.approx(width)
+
+
+@pytest.mark.parametrize(
     ("wrong", "said"),
     [
         ({"joints": "RRR"}, "unknown pair of joints 'RRR'"),
