@@ -603,6 +603,27 @@ def test_names_of_axes_stand_between_their_marks(kinds: str, tab: Any, tmp_path:
     assert tab.complaints == []
 
 
+@pytest.mark.parametrize(
+    ("travel", "unit", "label"),
+    [
+        ((0.0, 0.004), "[mm]", "4"),
+        ((0.0, 1e-4), "[mm]", "0.08"),
+        ((-0.15, 0.15), "[m]", "−0.15"),
+        ((-2e3, 2e3), "[m]", "−2000"),
+    ],
+)
+def test_numbers_of_axes_are_whole(
+    tab: Any, tmp_path: FilePath, travel: tuple[float, float], unit: str, label: str
+) -> None:
+    arm = rp.planar_arm("PP", (travel[1], travel[1]), limits=(travel, travel))
+    scene = rp.Scene(name="axes").with_arm("arm", arm)
+    tab.open(rp.cspace(scene, resolution=CELLS).save_html(tmp_path / "axes.html"), READY)
+    texts, _ = written(tab)
+    assert {unit, label} <= set(texts)
+    assert min(left for left, *_ in texts.values()) >= 0.0
+    assert tab.complaints == []
+
+
 def test_of_names_that_overlap_the_first_one_is_shown(tab: Any, tmp_path: FilePath) -> None:
     scene = rp.Scene(name="crowded").with_arm("arm", rp.planar_arm("RR"))
     for name, place in {"one": [1.2, 0.0, 0.0], "two": [1.2, 0.08, 0.0], "three": [-1.2, 0.0, 0.0]}.items():

@@ -244,9 +244,15 @@ function wrapped(axis, angle) {
   return data.periodic[axis] ? value(axis, modulo(share(axis, angle), 1)) : angle;
 }
 
+/** The unit of the axis of a sliding joint and its scale; short travels in meters would have long numbers. */
+const axisUnit = (axis) => (data.high[axis] - data.low[axis] < 0.1 ? { unit: "mm", scale: 1000 } : { unit: "m", scale: 1 });
+
 /** Tick marks of an axis: quarter turns for angles, otherwise round numbers: [share, text]. */
 function ticks(axis) {
-  if (data.joints[axis].straight) return niceTicks(data.low[axis], data.high[axis], 5).map((v) => [share(axis, v), shortNumber(v)]);
+  if (data.joints[axis].straight) {
+    const { scale } = axisUnit(axis);
+    return niceTicks(scale * data.low[axis], scale * data.high[axis], 5).map((v) => [share(axis, v / scale), shortNumber(v)]);
+  }
   const names = { "-2": "−π", "-1": "−π/2", 0: "0", 1: "π/2", 2: "π", "-3": "−3π/2", 3: "3π/2", "-4": "−2π", 4: "2π" };
   const first = Math.ceil((data.low[axis] * 2) / Math.PI - 1e-6), last = Math.floor((data.high[axis] * 2) / Math.PI + 1e-6);
   let step = 1;
@@ -276,13 +282,15 @@ function drawFrame(pen, plot, unit) {
     pen.textAlign = (1 - part) * size < 12 * unit ? "right" : "center";
     pen.fillText(text, x + part * size + (pen.textAlign === "right" ? 7 * unit : 0), y + size + 16 * unit);
   }
+  const widest = Math.max(...ticks(1).map(([, text]) => pen.measureText(text).width));
+  pen.font = `${11.5 * unit * Math.min((x - 9 * unit) / widest, 1)}px ${FONT}`; // long numbers are not cut, but smaller
   pen.textAlign = "right";
   pen.textBaseline = "middle";
   for (const [part, text] of ticks(1)) pen.fillText(text, x - 8 * unit, y + (1 - part) * size);
   pen.fillStyle = INK;
   pen.textAlign = "center";
   pen.textBaseline = "alphabetic";
-  const unitOf = (axis) => (data.joints[axis].straight ? "[m]" : ""), high = y + (1 - betweenTicks(1, 0.624)) * size + 4 * unit;
+  const unitOf = (axis) => (data.joints[axis].straight ? `[${axisUnit(axis).unit}]` : ""), high = y + (1 - betweenTicks(1, 0.624)) * size + 4 * unit;
   pen.font = `600 ${(unitOf(0) ? 11 : 13) * unit}px ${FONT}`; // between two marks also in a small window
   pen.fillText(`${symbol(0)} ${unitOf(0)}`.trim(), x + betweenTicks(0, 0.625) * size, y + size + 18 * unit);
   pen.font = `600 ${13 * unit}px ${FONT}`;
