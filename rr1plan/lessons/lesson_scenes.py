@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import floor, log10, pi
 
 from rr1plan.errors import InputError
 from rr1plan.model.flat_arm import FlatArm, flat_arm
+from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 from rr1plan.robot.planar_arm import planar_arm
 from rr1plan.scene import Scene
 from rr1plan.scene.polygon_prism import polygon_prism
@@ -63,6 +65,21 @@ def require_flat_arm(lesson: str, scene: Scene) -> tuple[str, FlatArm]:
 def length_unit(turns: Sequence[bool]) -> str:
     """The unit of lengths in a configuration space, with a space before it; none for joints of both kinds."""
     return " rad" if all(turns) else "" if any(turns) else " m"
+
+
+def length_scale(grid: CSpaceGrid) -> float:
+    """The scale of lengths in a configuration space, 1 if both joints turn [rad or m].
+
+    It is the widest travel over 2π, so that a step of this many rad and the same step times the scale are equal shares
+    of their ranges; at least 1 if one joint turns.
+    """
+    ranges = [len(centers) * float(centers[1] - centers[0]) for centers in grid.axes]
+    return max(1.0 if turns else size / (2.0 * pi) for turns, size in zip(grid.turns, ranges, strict=True))
+
+
+def length_digits(scale: float, digits: int = 2) -> int:
+    """Decimals of lengths in a configuration space: more for a smaller scale of lengths."""
+    return max(digits, digits - floor(log10(scale)))
 
 
 def require_query(lesson: str, scene: Scene | None, problem: Problem | None) -> Problem | None:

@@ -11,10 +11,11 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
-from rr1plan.lessons.lesson_scenes import length_unit, require_query
+from rr1plan.lessons.lesson_scenes import length_digits, length_scale, length_unit, require_query
 from rr1plan.lessons.search.lattice_search import search_lattice
 from rr1plan.lessons.search.roadmap_growth import grow_prm
 from rr1plan.lessons.search.search_record import BLOCKED, EDGE, EVENTS, REFUSED, SearchRecord
+from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.lessons.search.tree_growth import grow_rrt, grow_rrt_connect, grow_rrt_star
 from rr1plan.model import Kinematics
 from rr1plan.playback.cspace.configuration_space import cspace
@@ -49,7 +50,7 @@ _DASHES: dict[str, object] = {
     "RRT-Connect": "-.",
     "RRT*": "-",
 }
-_STEPS = (0.15, 0.3, 0.6, 1.2)  # [rad]
+_STEPS = (0.15, 0.3, 0.6, 1.2)  # times the scale of lengths
 _BIASES = (0.0, 0.05, 0.3)
 _CELLS = (48, 36, 24)
 _SEED = 1
@@ -61,7 +62,7 @@ class Variant(NamedTuple):
 
     Args:
         planner: Its name.
-        step: Longest edge, or the side of a lattice's cell [rad].
+        step: Longest edge, or the longer side of a lattice's cell [rad or m].
         bias: Share of samples that are the goal, None for planners without a bias.
         record: The recorded search.
     """
@@ -81,7 +82,8 @@ class PlanningLesson(Lesson):
         problem = require_query(self.name, scene, problem) or load_problems("planar2r_path")["over_the_seam"]
         self.problem, self.scene = problem, problem.scene
         self.picture = cspace(problem.scene, problem)
-        self.variants = _variants(problem)
+        self.scale = length_scale(self.picture.grid)
+        self.variants = _variants(problem, self.scale)
         self.steps = _steps(self)
 
     @property
@@ -92,13 +94,22 @@ class PlanningLesson(Lesson):
     def variant(self, planner: str) -> Variant:
         """A planner with its default options."""
         usual = [v for v in self.variants if v.planner == planner and v.bias in (None, 0.05)]
-        return min(usual, key=lambda v: abs(v.step - _USUAL[planner]))
+        return min(usual, key=lambda v: abs(v.step - self.usual[planner]))
+
+    @property
+    def usual(self) -> dict[str, float]:
+        """The default step of each planner [rad or m]."""
+        return {name: sorted({v.step for v in self.variants if v.planner == name})[k] for name, k in _USUAL.items()}
+
+    def length(self, record: SearchRecord) -> str:
+        """The length of a path with its unit."""
+        return f"{record.cost:.{length_digits(self.scale)}f}{self.unit}"
 
     @cached_property
     def effect(self) -> Array:
         """For RRT, each step and bias: medians over seeds of edges checked and of path length, shape (4, 3, 2)."""
         table = np.empty((len(_STEPS), len(_BIASES), 2))
-        for i, step in enumerate(_STEPS):
+        for i, step in enumerate(self.scale * share for share in _STEPS):
             for k, bias in enumerate(_BIASES):
                 runs = [grow_rrt(self.problem, step=step, goal_bias=bias, rng=seed) for seed in range(_SEEDS)]
                 table[i, k] = np.median([[run.edges_checked[-1], run.cost] for run in runs], axis=0)
@@ -115,9 +126,10 @@ class PlanningLesson(Lesson):
             {
                 "kinds": list(EVENTS),
                 "colors": COLORS,
-                "usual": _USUAL,
+                "usual": self.usual,
                 "unit": self.unit,
-                "variants": [_row(variant, kinematics) for variant in self.variants],
+                "scale": self.scale,
+                "variants": [_row(variant, kinematics, length_digits(self.scale, 5)) for variant in self.variants],
             },
             ("walk.js",),
         )
@@ -154,7 +166,7 @@ class PlanningLesson(Lesson):
         for q, marker, size in ((self.problem.start, "o", 8), (self.picture.goals[0], "*", 14)):
             axes.plot(*space.wrapped(q), marker, color="#22262b", mec="white", ms=size, zorder=5)
         axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[])
-        cost = f"{record.cost:.2f}{self.unit}" if record.found else "no path"
+        cost = self.length(record) if record.found else "no path"
         axes.set_title(f"{variant.planner}: {record.edges_checked[-1]} edges, {cost}", fontsize=11, loc="left")
 
     def _draw_race(self, axes: Axes) -> None:
@@ -175,12 +187,13 @@ class PlanningLesson(Lesson):
 
     def _draw_effect(self, axes: Axes) -> None:
         """Edges that RRT checks over its step, for each bias."""
+        steps = [self.scale * share for share in _STEPS]
         for k, (bias, marker, dashes) in enumerate(zip(_BIASES, "osD", ("-", "--", ":"), strict=True)):
             label = f"goal bias {100 * bias:g} %"
-            axes.plot(_STEPS, self.effect[:, k, 0], marker=marker, ls=dashes, color="#22262b", ms=5, label=label)
+            axes.plot(steps, self.effect[:, k, 0], marker=marker, ls=dashes, color="#22262b", ms=5, label=label)
         axes.set(xscale="log", yscale="log", xlabel=f"step [{self.unit.strip() or '-'}]", ylabel="edges checked")
         _plain_ticks(axes.yaxis)
-        axes.set_xticks(_STEPS, [f"{step:g}" for step in _STEPS], minor=False)
+        axes.set_xticks(steps, [f"{step:.3g}" for step in steps], minor=False)
         axes.set_xticks([], minor=True)
         axes.set_title(f"RRT, medians of {_SEEDS} seeds", fontsize=12, loc="left")
         axes.legend(fontsize=9, frameon=False)
@@ -196,19 +209,22 @@ def _plain_ticks(axis: Axis) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-_USUAL = {"Dijkstra": 0.17, "A*": 0.17, "RRT": 0.3, "RRT-Connect": 0.3, "RRT*": 0.6, "PRM": 1.2}
+# Among the steps of each planner, the index of its default.
+_USUAL = {"Dijkstra": 1, "A*": 1, "RRT": 1, "RRT-Connect": 1, "RRT*": 1, "PRM": 2}
 
 
-def _variants(problem: Problem) -> tuple[Variant, ...]:
+def _variants(problem: Problem, scale: float) -> tuple[Variant, ...]:
     """Every planner with every choice of its options."""
     found: list[tuple[float, float | None, SearchRecord]] = []
+    space = SearchSpace(problem)
+    widest = float((space.upper - space.lower).max())
     for cells in _CELLS:
-        side = 2.0 * np.pi / cells
+        side = widest / cells
         found += [(side, None, search_lattice(problem, cells=cells, weight=weight)) for weight in (0.0, 1.0)]
-    for step in _STEPS:
+    for step in (scale * share for share in _STEPS):
         found += [(step, bias, grow_rrt(problem, step=step, goal_bias=bias, rng=_SEED)) for bias in _BIASES]
         found.append((step, None, grow_rrt_connect(problem, step=step, rng=_SEED)))
-        if step > _STEPS[0]:
+        if step > scale * _STEPS[0]:
             found.append((step, None, grow_rrt_star(problem, step=step, rng=_SEED)))
             found.append((step, None, grow_prm(problem, longest=step, rng=_SEED)))
     return tuple(Variant(record.planner, step, bias, record) for step, bias, record in found)
@@ -233,8 +249,8 @@ def _joined(space: Any, a: Array, b: Array) -> Array:
     return np.array([a, b - np.where(space.periodic, 2.0 * np.pi * np.round((b - a) / turn), 0.0)])
 
 
-def _row(variant: Variant, kinematics: Kinematics) -> dict[str, object]:
-    """A variant as data for the page: events in columns, points with the tool's positions."""
+def _row(variant: Variant, kinematics: Kinematics, digits: int) -> dict[str, object]:
+    """A variant as data for the page: events in columns, points with the tool's positions, lengths with some digits."""
     record = variant.record
     events = [event for step in record.steps for event in step]
     points = np.array([(0.0, 0.0) if event.point is None else event.point for event in events])
@@ -251,8 +267,8 @@ def _row(variant: Variant, kinematics: Kinematics) -> dict[str, object]:
         "vertexTools": pack_array(_tools(record.vertices, kinematics)),
         "sides": record.sides.tolist(),
         "checks": pack_array(record.edges_checked, "u4"),
-        "costs": [None if not np.isfinite(cost) else round(float(cost), 5) for cost in record.costs],
-        "paths": [{"step": step, "points": np.round(path, 5).tolist()} for step, path in record.paths],
+        "costs": [None if not np.isfinite(cost) else round(float(cost), digits) for cost in record.costs],
+        "paths": [{"step": step, "points": np.round(path, digits).tolist()} for step, path in record.paths],
     }
 
 
@@ -266,7 +282,7 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
 
     def outcome(planner: str) -> str:
         record = counts[planner]
-        end = f"a path of {record.cost:.2f}{lesson.unit}" if record.found else "no path"
+        end = f"a path of {lesson.length(record)}" if record.found else "no path"
         return f"Here: {len(record.vertices)} vertices, {record.edges_checked[-1]} edges checked, {end}."
 
     torus = ", here on the torus" if any(lesson.picture.grid.periodic) else ""

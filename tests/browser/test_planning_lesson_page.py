@@ -156,3 +156,27 @@ def test_without_a_path_the_race_has_no_lengths(tab: Any, tmp_path: Path) -> Non
     assert "edges checked" in drawn
     assert not any("." in text for text in drawn)
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize(("size", "step", "digits"), [(2e-3, "0.000095 m", 6), (50.0, "2.39 m", 2)])
+def test_steps_and_lengths_fit_the_size_of_the_arm(
+    tab: Any, tmp_path: Path, size: float, step: str, digits: int
+) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (size, 0.8 * size)))
+    scene = scene.with_obstacle("disc", rp.Cylinder(0.2 * size, 0.2 * size), (0.5 * size, 0.4 * size, 0.0))
+    problem = rp.Problem(scene, (0.1 * size, 0.4 * size), (0.9 * size, 0.4 * size))
+    lesson: Any = rp.lesson("planning", problem=problem)
+    lesson.figure()
+    cost = lesson.variant("RRT").record.cost
+    assert 1.0 < cost / np.hypot(0.8 * size, 0.2 * size) < 4.0
+    assert f"a path of {cost:.{digits}f} m" in str(lesson.steps)
+    tab.record_texts()
+    tab.open(lesson.save_html(tmp_path / "a.html"))
+    tab.ask("RR1.steps.go(3)")
+    assert tab.page.locator("#panel-search .step + output").inner_text() == step
+    assert number(tab, "cost") == f"{cost:.{digits}f} m"
+    assert 5 < int(number(tab, "vertices")) < 500
+    low, top = (float(text) for text in tab.ask("(texts.length = 0, RR1.search.drawRace(), texts)") if "." in text)
+    assert 0.8 * size < low < top < 4.0 * size
+    np.testing.assert_allclose(tab.ask("RR1.search.state.path"), lesson.variant("RRT").record.path, atol=1e-4 * size)
+    assert tab.complaints == []

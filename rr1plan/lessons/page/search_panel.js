@@ -10,6 +10,8 @@ const DASHES = { Dijkstra: [2, 2], "A*": [], RRT: [7, 2.5], "RRT-Connect": [7, 2
 const [SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED] = data.kinds.map((_, k) => k);
 const rough = (number) => (number >= 10000 ? `${Math.round(number / 1000)}k` : `${number}`);
 const part = (selector) => root.querySelector(selector);
+/** The length of a path, with its unit. */
+const measured = (v) => `${placed(v, 2 * data.scale, 2)}${data.unit}`;
 
 class Search extends Walk {
   constructor() {
@@ -63,7 +65,7 @@ class Search extends Walk {
     this.biases = same.map((r) => r.bias).filter((b) => b !== null).sort((a, b) => a - b);
     this.record = same.find((r) => r.bias === bias) || same.find((r) => r.bias === 0.05) || same[0];
     for (const chip of part(".planners").children) chip.setAttribute("aria-pressed", String(chip.dataset.planner === planner));
-    this.fill(".step", this.steps, nearest, `${+nearest.toFixed(2)}${data.unit}`);
+    this.fill(".step", this.steps, nearest, `${Number(placed(nearest, 2 * data.scale, 2))}${data.unit}`);
     this.fill(".bias", this.biases, this.record.bias, this.biases.length ? `${Math.round(100 * this.record.bias)} %` : "none");
     part(".at").max = this.length;
     this.place();
@@ -100,7 +102,7 @@ class Search extends Walk {
       vertices: this.state.count,
       checks: k ? record.checks[k - 1] : 0,
       rejected: this.state.rejected.length,
-      cost: k && record.costs[k - 1] !== null ? `${record.costs[k - 1].toFixed(2)}${data.unit}` : "–",
+      cost: k && record.costs[k - 1] !== null ? measured(record.costs[k - 1]) : "–",
     };
     for (const [name, value] of Object.entries(numbers)) part(`[data-of=${name}]`).textContent = typeof value === "number" ? rough(value) : value;
     announce(part(".said"), this.say(), this.playing && k < this.length);
@@ -130,7 +132,7 @@ class Search extends Walk {
     if (count(PARENT)) words.push(`${count(PARENT)} cheaper by a new parent`);
     if (count(REFUSED)) words.push(count(REFUSED) > 1 ? `${count(REFUSED)} edges rejected` : "edge rejected: not free");
     const path = record.paths.find((p) => p.step === at - 1);
-    if (path) words.push(`path of ${record.costs[at - 1].toFixed(2)}${data.unit}`);
+    if (path) words.push(`path of ${measured(record.costs[at - 1])}`);
     return `Step ${at}: ${words.join(", ") || "nothing new"}.`;
   }
 
@@ -239,11 +241,12 @@ class Search extends Walk {
     const best = this.planners.map((planner) => this.usual(planner)).filter((r) => r !== this.record && r.paths.length);
     const shown = [...best, this.record];
     const costs = shown.flatMap((r) => r.costs.filter((c) => c !== null));
-    const most = Math.max(...shown.map((r) => r.checks[r.checks.length - 1])), low = Math.min(...costs, 1e9), top = Math.max(...costs, low + 0.1);
-    const left = 44, right = wide - 10, up = 18, down = high - 30, least = 20;
+    const most = Math.max(...shown.map((r) => r.checks[r.checks.length - 1])), low = Math.min(...costs, 1e9), top = Math.max(...costs, low + 0.1 * data.scale);
+    pen.font = `11px ${getComputedStyle(root).fontFamily}`;
+    const marks = (costs.length ? [low, top] : []).map((c) => [c, placed(c, 2 * data.scale, 1)]);
+    const left = Math.max(44, ...marks.map(([, text]) => pen.measureText(text).width + 9)), right = wide - 10, up = 18, down = high - 30, least = 20;
     const x = (n) => left + ((right - left) * Math.log(Math.max(n, least) / least)) / Math.log(most / least);
     const y = (c) => down - ((down - up) * (c - low)) / (top - low || 1);
-    pen.font = `11px ${getComputedStyle(root).fontFamily}`;
     pen.fillStyle = SOFT;
     pen.strokeStyle = "#d5dae1";
     for (const n of [30, 100, 300, 1000, 3000, 10000].filter((n) => n <= most)) {
@@ -251,7 +254,7 @@ class Search extends Walk {
       pen.textAlign = "center"; pen.fillText(rough(n), x(n), down + 13);
     }
     pen.textAlign = "right";
-    for (const c of costs.length ? [low, top] : []) pen.fillText(c.toFixed(1), left - 5, y(c) + 4);
+    for (const [c, text] of marks) pen.fillText(text, left - 5, y(c) + 4);
     pen.textAlign = "left"; pen.fillText(`length of the best path${data.unit && ` [${data.unit.trim()}]`}`, left, 11);
     pen.textAlign = "right"; pen.fillText("edges checked", right, high - 4);
     for (const r of shown) {

@@ -18,7 +18,7 @@ from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
 _MOST_SAMPLES = 20_000
-_SHORTEST_STEP = 1e-3  # one connection of RRT-Connect has as many vertices as steps
+_SHORTEST_STEP = 1.6e-4  # of the widest range; one connection of RRT-Connect has as many vertices as steps
 
 
 class _Tree:
@@ -241,10 +241,12 @@ def _checked(
 ) -> tuple[SearchSpace, float, int, np.random.Generator]:
     """Check the arguments common to all planners."""
     step = positive_number("step", step)
-    if step < _SHORTEST_STEP:
-        raise InputError(f"step is {step:g}, expected at least {_SHORTEST_STEP:g} rad or m")
     samples = whole_number("samples", samples, 1, _MOST_SAMPLES)
-    return SearchSpace(problem), step, samples, as_generator(rng)
+    space = SearchSpace(problem)
+    least = _SHORTEST_STEP * float((space.upper - space.lower).max())
+    if step < least:
+        raise InputError(f"step is {step:g}, expected at least {least:.3g} rad or m")
+    return space, step, samples, as_generator(rng)
 
 
 def _share(goal_bias: float) -> float:
