@@ -10,7 +10,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
-from rr1plan.lessons.lesson_scenes import length_unit, require_flat_arm, require_query
+from rr1plan.lessons.lesson_scenes import length_scale, length_unit, require_flat_arm, require_query
 from rr1plan.lessons.mathml import fraction, math, power, row, sub
 from rr1plan.lessons.potential_field import (
     FINER,
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
-GAINS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-REACHES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # [rad or m]; offered if above the side of a cell
+GAINS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # times the fourth power of the scale of lengths
+REACHES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # times that scale; offered if above the side of a cell
 GAIN, REACH = 0.03, 0.4
 _INK, _PATH = "#22262b", "#d55e00"
 # A query in the scene of the lesson about planning: a descent that gets stuck, and a goal away from all obstacles.
@@ -67,12 +67,15 @@ class PotentialFieldsLesson(Lesson):
                     f"the cell of the {end} is not free; try another {end}, away from obstacles and limits"
                 )
         self.distance = obstacle_distance(self.grid)
-        self.reaches = [reach for reach in REACHES if reach > self.grid.sides.max()] or [REACHES[-1]]
+        self.scale = length_scale(self.picture.grid)
+        self.gain = self.scale**4 * GAIN
+        reaches = [self.scale * reach for reach in REACHES]
+        self.reaches = [reach for reach in reaches if reach > self.grid.sides.max()] or reaches[-1:]
         # Within the distance of influence of an obstacle the goal would not be the lowest point.
-        below = min(REACH, float(self.distance[self.grid.cell(self.goal)]))
+        below = min(self.scale * REACH, float(self.distance[self.grid.cell(self.goal)]))
         self.reach = max((reach for reach in self.reaches if reach <= below), default=self.reaches[0])
         self.attractive = attraction(self.grid, self.goal)
-        self.total = self.attractive + repulsion(self.distance, GAIN, self.reach)
+        self.total = self.attractive + repulsion(self.distance, self.gain, self.reach)
         self.wave = wave(self.grid, self.goal)
         self.steps = _steps(self)
 
@@ -83,10 +86,11 @@ class PotentialFieldsLesson(Lesson):
         data = {
             "finer": FINER,
             "moves": [list(move) for move in MOVES],
-            "gains": list(GAINS),
+            "gains": [self.scale**4 * gain for gain in GAINS],
             "reaches": self.reaches,
-            "usual": [GAIN, self.reach],
+            "usual": [self.gain, self.reach],
             "unit": length_unit(self.picture.grid.turns),
+            "scale": self.scale,
         }
         return document, (space, lesson_panel("potential", "Potential field", data, ("walk.js",)))
 

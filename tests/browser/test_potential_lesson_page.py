@@ -99,3 +99,19 @@ def test_the_field_follows_what_is_dragged(page: Any, lesson: PotentialFieldsLes
     page.ask("RR1.lesson.edits.moveObstacle('red', 0.9, 1.2)")
     wait_until(page.page, f"(RR1.lesson.chart.draw(), RR1.potential.blocked.reduce((a, b) => a + b)) !== {blocked}")
     assert shown(page, "share") != before
+
+
+@pytest.mark.parametrize(("size", "reach", "digits"), [(2e-3, "0.000127 m", 6), (50.0, "3.18 m", 2)])
+def test_the_field_fits_the_size_of_the_arm(tab: Any, tmp_path: Path, size: float, reach: str, digits: int) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (size, 0.8 * size)))
+    scene = scene.with_obstacle("disc", rp.Cylinder(0.1 * size, 0.2 * size), (0.5 * size, 0.4 * size, 0.0))
+    problem = rp.Problem(scene, (0.05 * size, 0.4 * size), (0.95 * size, 0.4 * size))
+    lesson: Any = rp.lesson("potential_fields", problem=problem)
+    assert 0.5 < reached_share(lesson.grid, lesson.total, lesson.goal) < 1.0
+    tab.open(lesson.save_html(tmp_path / "a.html"))
+    tab.ask("RR1.steps.go(2)")
+    assert shown(tab, "share") == pytest.approx(reached_share(lesson.grid, lesson.total, lesson.goal))
+    assert tab.page.locator("#panel-potential .reach + output").inner_text() == reach
+    said = tab.page.locator("#panel-potential .said").inner_text()
+    assert f"{tab.ask('RR1.potential.gap'):.{digits}f} m from the goal" in said
+    assert tab.complaints == []

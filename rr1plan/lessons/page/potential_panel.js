@@ -97,8 +97,8 @@ class PotentialField extends Walk {
       showValue(input, input.parentElement.querySelector("output"), text);
     };
     const repels = ["repulsion", "sum", "fill"].includes(this.mode);
-    knob(".gain", data.gains, this.gain, String(this.gain), repels);
-    knob(".reach", data.reaches, this.reach, `${this.reach}${data.unit}`, repels);
+    knob(".gain", data.gains, this.gain, String(Number(this.gain.toPrecision(2))), repels);
+    knob(".reach", data.reaches, this.reach, `${Number(placed(this.reach, 2 * data.scale, 2))}${data.unit}`, repels);
     announce(part(".said"), this.say(), this.playing && this.at < this.length);
   }
 
@@ -111,7 +111,7 @@ class PotentialField extends Walk {
       return this.arrives ? `Reaches the goal: a way of ${cells}, ${visited}.` : `No way to the goal on this grid, ${visited}.`;
     }
     if (this.mode === "wave" && !Number.isFinite(this.values[this.start])) return "The wave does not come to the start: no path exists on this grid.";
-    const end = this.arrives ? `Reaches the goal after ${cells}.` : `Ends in a minimum after ${cells}, ${this.gap.toFixed(2)}${data.unit} from the goal.`;
+    const end = this.arrives ? `Reaches the goal after ${cells}.` : `Ends in a minimum after ${cells}, ${placed(this.gap, 2 * data.scale, 2)}${data.unit} from the goal.`;
     return this.mode === "repulsion" ? `Ends where nothing repels, after ${cells}: no goal attracts.` : `${end} From ${(100 * this.share).toFixed(0)} % of the free cells the descent ends at the goal.`;
   }
 
