@@ -11,7 +11,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
-from rr1plan.lessons.lesson_scenes import length_unit, require_query
+from rr1plan.lessons.lesson_scenes import length_digits, length_scale, length_unit, require_query
 from rr1plan.lessons.mathml import math
 from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, fastest_motion, path_grid
 from rr1plan.lessons.search.shortcut_steps import Shortcut, record_shortcuts
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _STEP, _SEED, _TRIES, _SHORTCUT_SEED = 0.4, 3, 60, 1
-BLENDS = (0.0, 0.03, 0.1, 0.4)
+BLENDS = (0.0, 0.03, 0.1, 0.4)  # these and the step: times the scale of lengths
 JERKS = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
 """Jerk limits that the last step compares [rad/s³ or m/s³]."""
 # Colors of the path before and after shortcuts, of blends, the limit curve and braking; safe for color blindness.
@@ -56,14 +56,15 @@ class MotionLesson(Lesson):
         if not np.isfinite([limits.velocity, limits.acceleration, limits.jerk]).all():
             raise InputError("lesson 'motion' needs finite limits of velocity, acceleration and jerk")
         self.limits = limits
-        raw = grow_rrt_connect(problem, step=_STEP, rng=_SEED).path
+        self.picture = cspace(problem.scene, problem)
+        self.scale = length_scale(self.picture.grid)
+        raw = grow_rrt_connect(problem, step=self.scale * _STEP, rng=_SEED).path
         if raw is None:
             raise InputError("lesson 'motion' finds no path for this problem; try another goal")
         self.raw = raw
         checker = CollisionChecker(problem.scene, problem.arms)
         self.shortcuts: tuple[Shortcut, ...] = record_shortcuts(checker, raw, tries=_TRIES, rng=_SHORTCUT_SEED)
         self.path = Path(problem.joint_names, self.shortcuts[-1].path)
-        self.picture = cspace(problem.scene, problem)
         self.steps = _steps(self)
 
     @property
@@ -76,15 +77,28 @@ class MotionLesson(Lesson):
         """The unit of the first joint, with a space before it."""
         return length_unit(self.picture.grid.turns[:1])
 
+    @property
+    def distances(self) -> tuple[float, float]:
+        """The default and the largest distance of the first joint in the step about seven phases [rad or m]."""
+        centers, turns = self.picture.grid.axes[0], self.picture.grid.turns[0]
+        width = len(centers) * float(centers[1] - centers[0])
+        return (min(1.2, 0.4 * width), min(3.0, width)) if turns else (0.4 * width, width)
+
+    @property
+    def max_blend(self) -> float:
+        """The largest blend of the lesson [rad or m]."""
+        return self.scale * BLENDS[-1]
+
     @cached_property
     def grids(self) -> dict[float, PathGrid]:
         """The path on a grid, for each largest blend."""
-        return {size: path_grid(self.path, self.scene, max_blend=size) for size in BLENDS}
+        sizes = [self.scale * size for size in BLENDS]
+        return {size: path_grid(self.path, self.scene, max_blend=size) for size in sizes}
 
     @cached_property
     def plane(self) -> PhasePlane:
         """The phase plane with the largest blends."""
-        return fastest_motion(self.grids[BLENDS[-1]], self.limits.velocity, self.limits.acceleration)
+        return fastest_motion(self.grids[self.max_blend], self.limits.velocity, self.limits.acceleration)
 
     @cached_property
     def durations(self) -> dict[str, Any]:
@@ -98,21 +112,22 @@ class MotionLesson(Lesson):
             scene = Scene(name=self.scene.name).with_arm(name, arm.robot.with_limits(limits), arm.base, q=arm.q)
             smooth.append(retime(self.path, scene, method="ruckig").duration)
         stop = retime(self.path, self.scene, method="stop").duration
-        blend = retime(self.path, self.scene, method="blend", max_blend=BLENDS[-1]).duration
+        blend = retime(self.path, self.scene, method="blend", max_blend=self.max_blend).duration
         return {"stop": stop, "blend": blend, "smooth": smooth}
 
     # ---- the page ------------------------------------------------------------------------
 
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
         document, space = page_parts(self.picture, options=options)
+        digits = length_digits(self.scale, 5)
         data = {
-            "raw": np.round(clean(self.raw), 5).tolist(),
+            "raw": np.round(clean(self.raw), digits).tolist(),
             "shortcuts": [
                 {
-                    "begin": np.round(c.begin, 5).tolist(),
-                    "end": np.round(c.end, 5).tolist(),
+                    "begin": np.round(c.begin, digits).tolist(),
+                    "end": np.round(c.end, digits).tolist(),
                     "free": c.free,
-                    "path": np.round(clean(c.path), 5).tolist(),
+                    "path": np.round(clean(c.path), digits).tolist(),
                 }
                 for c in self.shortcuts
             ],
@@ -130,6 +145,8 @@ class MotionLesson(Lesson):
             "jerks": list(JERKS),
             "durations": self.durations,
             "phases": list(PHASES),
+            "distances": list(self.distances),
+            "scale": self.scale,
             "unit": self.unit,
             "first_unit": self._first_unit,
             "colors": {"raw": RAW, "short": SHORT, "blend": BLENDED, "limit": LIMIT, "brake": BRAKE},
@@ -182,7 +199,8 @@ class MotionLesson(Lesson):
 
     def _draw_phases(self, plots: list[Axes]) -> None:
         limits = [float(row[0]) for row in (self.limits.velocity, self.limits.acceleration, self.limits.jerk)]
-        motion = seven_phases(1.2, *limits)
+        distance = self.distances[0]
+        motion = seven_phases(distance, *limits)
         times = np.linspace(0.0, motion.duration, 600)
         states, ends = motion.state(times), np.concatenate([[0.0], np.cumsum(motion.durations)])
         unit = self._first_unit  # the limits are those of the first joint
@@ -193,12 +211,12 @@ class MotionLesson(Lesson):
                 axes.axvspan(ends[phase], ends[phase + 1], color="#e9edf1" if phase % 2 == 0 else "white", lw=0)
                 if k == 0:
                     middle = 0.5 * (ends[phase] + ends[phase + 1])
-                    axes.text(middle, 1.28, str(phase + 1), ha="center", va="bottom", fontsize=10)
+                    axes.text(middle, 1.28 / 1.2 * distance, str(phase + 1), ha="center", va="bottom", fontsize=10)
             axes.plot(times, states[:, k], color="#22262b", lw=2)
             axes.set_title(name, fontsize=10, loc="left")
             axes.tick_params(labelsize=9)
             axes.set(xlim=(0, motion.duration))
-        plots[0].set_ylim(-0.05, 1.5)
+        plots[0].set_ylim(-0.05 / 1.2 * distance, 1.25 * distance)
         for axes in plots[2:]:
             axes.set_xlabel("t [s]", fontsize=10)
 
@@ -227,13 +245,14 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
     taken = sum(shortcut.free for shortcut in lesson.shortcuts)
     a, j = float(lesson.limits.acceleration[0]), float(lesson.limits.jerk[0])
     found, unit = lesson.durations, lesson.unit
+    long, short = (f"{length:.{length_digits(lesson.scale)}f}{unit}" for length in (before, after))
     jerk_unit = f"{unit}/s³" if unit else ""
     rows = (
         (
             "path",
             "What a planner returns",
             f"""<p>RRT-Connect computes a <b>path</b>: {len(clean(lesson.raw))} waypoints, joined by straight lines in
-            joint space, certified free. It is jagged, {before:.2f}{unit} long, and has no time: how fast may the arm
+            joint space, certified free. It is jagged, {long} long, and has no time: how fast may the arm
             go, and what happens at the corners?</p><p>Drive it (D): with a stop at every corner it is slow.</p>""",
         ),
         (
@@ -241,8 +260,8 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
             "Shortcuts",
             f"""<p>Choose two random points of the path. If the straight line between them is free, it replaces the part
             between them; if not (dotted, ✕), nothing changes. No try makes the path longer: {taken} of
-            {len(lesson.shortcuts)} tries are taken, and {before:.2f}{unit} become {after:.2f}{unit}. Step through them
-            with the slider.</p> <p>(Geraerts, Overmars 2007)</p>""",
+            {len(lesson.shortcuts)} tries are taken, and {long} become {short}. Step through them with the
+            slider.</p> <p>(Geraerts, Overmars 2007)</p>""",
         ),
         (
             "blend",

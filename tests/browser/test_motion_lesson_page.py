@@ -14,6 +14,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.lessons.motion_lesson import BLENDS, MotionLesson
 from rr1plan.lessons.phase_plane import fastest_motion
+from rr1plan.retiming.path_blends import clean
 
 pytestmark = pytest.mark.browser
 
@@ -259,3 +260,33 @@ def test_sliding_joints_move_by_meters(tab: Any, tmp_path: Path, kinds: str) -> 
     del texts["phases"]
     assert not any("rad" in text for shown in texts.values() for text in shown)
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize(
+    ("size", "blend", "distance"), [(2e-3, "0.000127 m", "0.00080 m"), (50.0, "3.18 m", "20.00 m")]
+)
+def test_lengths_fit_the_size_of_the_arm(tab: Any, tmp_path: Path, size: float, blend: str, distance: str) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (size, 0.8 * size)))
+    scene = scene.with_obstacle("disc", rp.Cylinder(0.2 * size, 0.2 * size), (0.5 * size, 0.4 * size, 0.0))
+    problem = rp.Problem(scene, (0.1 * size, 0.4 * size), (0.9 * size, 0.4 * size))
+    lesson: Any = rp.lesson("motion", problem=problem)
+    lesson.figure()
+    assert 5 < len(clean(lesson.raw)) < 60
+    tab.open(lesson.save_html(tmp_path / "a.html"))
+    length = f"{lengths(lesson.raw):.{6 if size < 1 else 2}f} m"
+    assert f"{length} long" in str(lesson.steps)
+    assert length in tab.page.locator("#panel-timing .said").inner_text()
+    for mode, knob, text in (("blend", "blend", blend), ("phases", "distance", distance)):
+        tab.ask(f"RR1.timing.show('{mode}')")
+        assert tab.page.locator(f"#panel-timing [data-knob={knob}] + output").inner_text() == text
+    # The first joint stays within its limits, also over the largest distance.
+    for value in ("RR1.timing.values.distance", str(size)):
+        tab.ask(f"RR1.timing.set('distance', {value})")
+        for share in (0, 1):
+            tab.ask(f"RR1.timing.at({share})")
+            assert -1e-9 <= tab.ask("RR1.q[0]") <= size * (1.0 + 1e-9)
+    assert tab.complaints == []
+
+
+def lengths(path: np.ndarray) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

@@ -9,9 +9,12 @@
 const INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const part = (selector) => root.querySelector(selector);
 // Units with a space before them: of path lengths, none if one joint turns and the other one slides, and of the first joint.
-const { colors, unit, first_unit: firstUnit } = data;
+const { colors, unit, first_unit: firstUnit, distances: [usual, farthest] } = data;
 /** A value with a unit and, for rates, a suffix of it. */
 const measured = (text, unit, rate = "") => `${text}${unit && `${unit}${rate}`}`;
+/** A length in the configuration space with its unit. */
+const long = (v) => `${placed(v, 2 * data.scale, 2)}${unit}`;
+const blendText = (v) => `${Number(placed(v, 2 * data.scale, 2))}${unit}`;
 /** The label of an axis. */
 const label = (name, unit, rate = "") => `${name}${unit && ` [${unit.trim()}${rate}]`}`;
 const read = (packed) => {
@@ -107,7 +110,7 @@ class Timing {
   constructor() {
     this.space = viewer.lesson;
     this.blends = data.blends.map((b) => ({ size: b.size, stops: b.stops, s: read(b.s), q: read(b.q), begin: read(b.begin), end: read(b.end), bend: read(b.bend) }));
-    this.values = { blend: this.blends.length - 1, tries: data.shortcuts.length, velocity: 1, acceleration: 1, distance: 1.2, speed: data.velocity[0], push: data.acceleration[0], jerk: data.jerk };
+    this.values = { blend: this.blends.length - 1, tries: data.shortcuts.length, velocity: 1, acceleration: 1, distance: usual, speed: data.velocity[0], push: data.acceleration[0], jerk: data.jerk };
     this.share = 0;
     this.space.chart.overlays.push((pen) => this.draw(pen));
     this.wire();
@@ -135,16 +138,16 @@ class Timing {
 
   get knobs() {
     const jerk = { name: "jerk", text: "j", low: 1, high: 3.2, log: true, say: (v) => measured(+v.toPrecision(2), firstUnit, "/s³") };
-    const blend = { name: "blend", text: "blend", low: 0, high: this.blends.length - 1, step: 1, say: (v) => (v ? measured(this.blends[v].size, unit) : "stops") };
+    const blend = { name: "blend", text: "blend", low: 0, high: this.blends.length - 1, step: 1, say: (v) => (v ? blendText(this.blends[v].size) : "stops") };
     return {
       path: [],
       shortcut: [{ name: "tries", text: "tries", low: 0, high: data.shortcuts.length, step: 1, say: (v) => `${v} / ${data.shortcuts.length}` }],
       blend: [blend],
       plane: [blend, { name: "velocity", text: "v", low: 0.2, high: 1.5, say: percent }, { name: "acceleration", text: "a", low: 0.2, high: 2, say: percent }],
       phases: [
-        { name: "distance", text: "distance", low: 0.02, high: 3, say: (v) => measured(v.toFixed(2), firstUnit) },
-        { name: "speed", text: "v", low: 0.3, high: 4, say: (v) => measured(v.toFixed(1), firstUnit, "/s") },
-        { name: "push", text: "a", low: 1, high: 16, say: (v) => measured(v.toFixed(1), firstUnit, "/s²") },
+        { name: "distance", text: "distance", low: farthest / 150, high: farthest, say: (v) => measured(placed(v, 2 * farthest, 2), firstUnit) },
+        { name: "speed", text: "v", low: 0.15 * data.velocity[0], high: 2 * data.velocity[0], say: (v) => measured(v.toFixed(1), firstUnit, "/s") },
+        { name: "push", text: "a", low: 0.125 * data.acceleration[0], high: 2 * data.acceleration[0], say: (v) => measured(v.toFixed(1), firstUnit, "/s²") },
         jerk,
       ],
       cost: [],
@@ -193,7 +196,7 @@ class Timing {
     this.plane = null;
     if (this.mode === "path" || this.mode === "shortcut") {
       const path = this.mode === "path" || !values.tries ? data.raw : data.shortcuts[values.tries - 1].path;
-      this.path = path.filter((q, k) => !k || lengthOf([path[k - 1], q]) > 1e-6);
+      this.path = path.filter((q, k) => !k || lengthOf([path[k - 1], q]) > 1e-6 * data.scale);
       this.motion = alongLines(this.path, full, push);
     } else if (this.mode === "blend" || this.mode === "plane") {
       const scale = this.mode === "plane" ? values : { velocity: 1, acceleration: 1 };
@@ -202,8 +205,10 @@ class Timing {
     } else if (this.mode === "phases") {
       this.seven = sevenPhases(values.distance, values.speed, values.push, values.jerk);
       this.three = threePhases(values.distance, values.speed, values.push);
-      const from = viewer.panelData.cspace.start;
-      this.motion = { duration: this.seven.duration, q: (t) => [from[0] - this.seven.at(t)[0], from[1]] };
+      // Downward from the start, or from where the whole distance is within the limits.
+      const { start, low, high, periodic } = viewer.panelData.cspace;
+      const from = periodic[0] ? start[0] : Math.min(Math.max(start[0], low[0] + values.distance), high[0]);
+      this.motion = { duration: this.seven.duration, q: (t) => [from - this.seven.at(t)[0], start[1]] };
     } else this.motion = { duration: 0, q: () => viewer.panelData.cspace.start };
     part(".said").innerHTML = this.say();
   }
@@ -211,13 +216,13 @@ class Timing {
   get duration() { return this.motion.duration; }
 
   say() {
-    const { values } = this, s = (v) => `<b>${v.toFixed(2)} s</b>`, { durations } = data;
-    if (this.mode === "path") return `${this.path.length} waypoints, ${measured(lengthOf(this.path).toFixed(2), unit)}; with stops ${s(this.duration)}.`;
+    const { values } = this, s = (v) => `<b>${seconds(v, v)}</b>`, { durations } = data;
+    if (this.mode === "path") return `${this.path.length} waypoints, ${long(lengthOf(this.path))}; with stops ${s(this.duration)}.`;
     if (this.mode === "shortcut") {
       const last = values.tries ? data.shortcuts[values.tries - 1] : null;
-      return `${last ? (last.free ? "Free: taken. " : "Not free: rejected. ") : ""}${this.path.length} waypoints, ${measured(lengthOf(this.path).toFixed(2), unit)}; with stops ${s(this.duration)}.`;
+      return `${last ? (last.free ? "Free: taken. " : "Not free: rejected. ") : ""}${this.path.length} waypoints, ${long(lengthOf(this.path))}; with stops ${s(this.duration)}.`;
     }
-    if (this.mode === "blend") return values.blend ? `Blends of at most ${measured(this.grid.size, unit)}: ${s(this.duration)}${this.grid.stops.length ? `, ${this.grid.stops.length} stops left` : ""}.` : `No blends, ${this.grid.stops.length} stops: ${s(this.duration)}.`;
+    if (this.mode === "blend") return values.blend ? `Blends of at most ${blendText(this.grid.size)}: ${s(this.duration)}${this.grid.stops.length ? `, ${this.grid.stops.length} stops left` : ""}.` : `No blends, ${this.grid.stops.length} stops: ${s(this.duration)}.`;
     if (this.mode === "plane") return `${s(this.duration)}, ${this.plane.switches.length} switching points.`;
     if (this.mode === "phases") return `${this.seven.durations.filter((t) => t > 1e-9).length} phases, ${s(this.seven.duration)}; without a jerk limit ${s(this.three.duration)}, ${(this.seven.duration - this.three.duration).toFixed(3)} s less.`;
     return `Stops ${s(durations.stop)}, blends ${s(durations.blend)}, stops with jerk ≤ ${measured(data.jerk, unit, "/s³")} ${s(durations.smooth[data.jerks.indexOf(data.jerk)] ?? durations.smooth[0])}.`;
@@ -256,7 +261,7 @@ class Timing {
     const t = share * this.duration, slider = part(".at");
     slider.value = share;
     slider.style.setProperty("--part", `${100 * share}%`);
-    showValue(slider, part(".count"), `${t.toFixed(2)} / ${this.duration.toFixed(2)} s`);
+    showValue(slider, part(".count"), `${seconds(t, this.duration).slice(0, -2)} / ${seconds(this.duration, this.duration)}`);
     const full = viewer.q.slice(), { columns } = viewer.panelData.cspace;
     this.motion.q(t).forEach((v, axis) => { full[columns[axis]] = v; });
     viewer.setQ(full, "timing");
@@ -338,12 +343,12 @@ class Timing {
     pen.textAlign = "center";
     for (const v of more.log ? [10, 30, 100, 300, 1000].filter((n) => n >= xLow && n <= xHigh) : ticksOf(xLow, xHigh, more.few || 6)) {
       pen.strokeStyle = "#e3e7ec"; pen.beginPath(); pen.moveTo(x(v), up); pen.lineTo(x(v), bottom); pen.stroke();
-      if (xText !== null) pen.fillText(`${+v.toFixed(3)}`, x(v), bottom + 13);
+      if (xText !== null) pen.fillText(`${Number(v.toPrecision(6))}`, x(v), bottom + 13);
     }
     pen.textAlign = "right";
     for (const v of ticksOf(yLow, yHigh, more.tight ? 2 : 4)) {
       pen.strokeStyle = "#e3e7ec"; pen.beginPath(); pen.moveTo(left, y(v)); pen.lineTo(right, y(v)); pen.stroke();
-      pen.fillText(`${+v.toFixed(3)}`.replace("-", "−"), left - 5, y(v) + 4);
+      pen.fillText(`${Number(v.toPrecision(6))}`.replace("-", "−"), left - 5, y(v) + 4, 34);
     }
     pen.textAlign = "left"; pen.fillStyle = INK; pen.fillText(yText, left + 2, up - 7);
     pen.textAlign = "right"; pen.fillStyle = SOFT; if (xText) pen.fillText(xText, right, bottom + 26);
@@ -422,14 +427,16 @@ class Timing {
     pen.textAlign = "center"; pen.fillStyle = INK;
     jerks.forEach((j, k) => { if (k % 2 === 0) pen.fillText(durations.smooth[k].toFixed(2), Math.max(x(j), box.left + 14), y(durations.smooth[k]) - 9); });
     const rows = [[colors.short, [], "stops, jerk limit"], [INK, [6, 4], "stops, no jerk limit"], [colors.blend, [8, 3, 2, 3], "blends, no jerk limit"]];
-    rows.forEach((row, k) => this.legendRow(pen, box.right, box.bottom + 16 * (k - rows.length) + 6, [row]));
+    // Below all lines, or at the top if one is there.
+    const first = y(durations.blend) > box.bottom - 56 ? box.top + 12 : box.bottom - 42;
+    rows.forEach((row, k) => this.legendRow(pen, box.right, first + 16 * k, [row]));
   }
 
   /** Speeds of both joints over time. */
   drawSpeeds(pen, box) {
     const count = 240, { duration } = this, step = duration / count, times = Array.from({ length: count }, (_, i) => (i + 0.5) * step);
     const speeds = times.map((t) => this.motion.q(t + 0.5 * step).map((v, i) => (v - this.motion.q(t - 0.5 * step)[i]) / step));
-    const most = 1.15 * Math.max(...data.velocity);
+    const most = 1.15 * Math.min(Math.max(...data.velocity), 2 * Math.max(...speeds.flat().map(Math.abs)));
     box = this.legend(pen, box, [[colors.blend, [], "joint 1"], [colors.short, [5, 3], "joint 2"]]);
     const [x, y] = this.axes(pen, box, [0, duration, "t [s]"], [-most, most, label("joint velocities", unit, "/s")]);
     [[colors.blend, []], [colors.short, [5, 3]]].forEach(([color, dash], joint) => {
