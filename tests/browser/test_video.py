@@ -215,6 +215,9 @@ def test_pictures_are_taken_while_an_event_loop_runs(scene: rp.Scene, tmp_path: 
 def test_a_page_without_a_motion_is_not_filmed(scene: rp.Scene, tmp_path: FilePath) -> None:
     with pytest.raises(rp.InputError, match=r"no motion.*PNG"):
         save_video(tmp_path / "scene.gif", scene, size=SIZE)
+    still = rp.plan_motion(rp.Problem(scene, (0.0, 0.5), (0.0, 0.5)))
+    with pytest.raises(rp.InputError, match=r"of 0 s.*PNG"):
+        save_video(tmp_path / "still.gif", still, size=SIZE)
     assert not list(tmp_path.iterdir())
 
 

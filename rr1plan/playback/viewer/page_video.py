@@ -95,7 +95,7 @@ class _PageFrames:
         self._decode = Image.open
         start, end = tab.evaluate("[RR1.film.start, RR1.film.end]")
         if end <= start:
-            raise InputError("the page has no motion, expected one to film; try a picture (PNG) instead")
+            raise InputError("the page has no motion, or one of 0 s, and nothing to film; try a picture (PNG) instead")
         count = int(np.ceil((end - start) / step - 1e-9)) + 1
         if count > _MOST_FRAMES:
             raise InputError(f"the video has {count} pictures, expected at most {_MOST_FRAMES}; lower fps, raise speed")
