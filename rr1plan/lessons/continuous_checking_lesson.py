@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.edge_intervals import EdgeInterval, halve_edge, sample_edge
@@ -125,7 +125,7 @@ class ContinuousCheckingLesson(Lesson):
         self.scene = next(iter(problems.values())).scene
         self.checker = CollisionChecker(self.scene)
         if self.checker.nq != 2:
-            raise InputError(f"the scene has {self.checker.nq} joints, expected one arm of two joints")
+            raise InputError(f"the scene has {counted(self.checker.nq, 'joint')}, expected one arm of two joints")
         if not self.checker.pairs:
             raise InputError("lesson 'continuous_checking' is about distances; add an obstacle")
         self._outlines = planar_data(self.checker)

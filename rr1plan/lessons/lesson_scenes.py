@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import floor, log10, pi
 
+from rr1plan.checks import counted
 from rr1plan.errors import InputError
 from rr1plan.model.flat_arm import FlatArm, flat_arm
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
@@ -93,7 +94,9 @@ def require_query(lesson: str, scene: Scene | None, problem: Problem | None) -> 
             raise InputError(f"lesson {lesson!r} is about a query; pass problem=..., with a start and a joint goal")
         return None
     if len(problem.arms) != 1 or problem.nq != 2:
-        raise InputError(f"lesson {lesson!r} needs an arm of two joints, the problem has {problem.nq} columns")
+        raise InputError(
+            f"lesson {lesson!r} needs an arm of two joints, the problem has {counted(problem.nq, 'joint')}"
+        )
     if not isinstance(problem.goal[problem.arms[0]][0], JointGoal):
         raise InputError(f"lesson {lesson!r} needs a joint goal; solve_ik gives one for a position")
     return problem

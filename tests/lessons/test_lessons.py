@@ -254,6 +254,14 @@ def test_a_lesson_about_distances_takes_polygons_and_refuses_what_is_not_flat() 
             rp.lesson("continuous_checking", problem=rp.Problem(scene, [0.0, 0.3], [0.4, 0.3]))
 
 
+@pytest.mark.parametrize("name", ["planning", "potential_fields", "motion", "continuous_checking"])
+def test_an_arm_of_one_joint_is_refused(name: str) -> None:
+    robot = rp.load_robot("planar2r", joints=rp.load_robot("planar2r").joint_names[:1])
+    problem = rp.Problem(rp.Scene().with_arm("arm", robot), [0.1], [0.2])
+    with pytest.raises(rp.InputError, match=r"has 1 joint\b"):
+        rp.lesson(name, problem=problem)
+
+
 def test_wrong_questions_are_refused() -> None:
     scene = own_scene()
     problem = rp.Problem(scene, [0.0, 0.0], rp.JointGoal([0.1, 0.0]))
