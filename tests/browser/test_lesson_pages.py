@@ -330,3 +330,19 @@ def test_pictures_side_by_side_are_aligned(page: Any, lesson: rp.Lesson) -> None
         "[...document.querySelectorAll('#panel-pair .plot')].map((plot) => plot.getBoundingClientRect().top)"
     )
     assert tops[0] == tops[1]
+
+
+@pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
+def test_steps_are_readable_below_two_pictures(tab: Any, lesson: rp.Lesson, tmp_path: Path) -> None:
+    own = rp.Panel("own", "Own", html="<p>A panel of a teacher.</p>" * 20)
+    for panels, sizes in (((), [(910, 660), (1280, 650)]), ((own,), [(1280, 650), (1280, 800)])):
+        file = lesson.save_html(tmp_path / "two.html", options=rp.ViewOptions(panels=panels))
+        for width, height in sizes:
+            tab.resize(width, height)
+            tab.open(file, READY)
+            top, bottom = tab.ask(
+                "(({ top, bottom }) => [top, bottom])(document.querySelector('.texts').getBoundingClientRect())"
+            )
+            assert bottom < height
+            assert bottom - top > 60
+    assert tab.complaints == []
