@@ -346,3 +346,15 @@ def test_steps_are_readable_below_two_pictures(tab: Any, lesson: rp.Lesson, tmp_
             assert bottom < height
             assert bottom - top > 60
     assert tab.complaints == []
+
+
+@pytest.mark.parametrize("lesson", ["configuration_space", "potential_fields"], indirect=True)
+def test_a_further_panel_is_in_view_and_as_wide_as_the_others(tab: Any, lesson: rp.Lesson, tmp_path: Path) -> None:
+    own = rp.Panel("own", "Own", html="<p>A panel of a teacher.</p>")
+    tab.resize(1280, 800)
+    tab.open(lesson.save_html(tmp_path / "own.html", options=rp.ViewOptions(panels=(own,))), READY)
+    first, last = (tab.page.locator(f"#panel-{name}").bounding_box() for name in ("cspace", "own"))
+    assert last["y"] < 760
+    assert last["x"] + last["width"] == pytest.approx(first["x"] + first["width"], abs=1)
+    assert last["width"] == pytest.approx(first["width"], abs=5)
+    assert tab.complaints == []
