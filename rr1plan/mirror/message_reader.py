@@ -40,7 +40,7 @@ class MessageReader:
         self.joints = JointMap(scene)
         self.positions = self.joints.expand(scene.configuration())
         self.times = np.full(len(self.positions), -math.inf)
-        self._planned = np.array([self.joints.index[name] for name in scene.joint_names()], dtype=np.int64)
+        self._planned = self.joints.indices(scene.joint_names())
         self._speeds = np.full(len(self.positions), math.inf)
         self._speeds[self._planned] = scene.limits().velocity
         kinds = {f"{a}/{joint.name}": joint.kind for a, arm in scene.arms.items() for joint in arm.robot.joints}

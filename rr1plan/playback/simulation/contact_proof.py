@@ -49,7 +49,7 @@ class ContactProof:
         self._checker = CollisionChecker(unlocked_scene(world.scene, locked), margin=_MARGIN)
         self._checker.warm_up()
         self._joints = joints = JointMap(world.scene)
-        self._planned = np.array([joints.index[name] for name in self._checker.joint_names], dtype=np.int64)
+        self._planned = joints.indices(self._checker.joint_names)
         self._slides = np.flatnonzero(world.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE)
         travel = np.zeros(len(joints.names))
         travel[self._slides] = np.maximum(np.abs(joints.lower), np.abs(joints.upper))[self._slides] + _BEYOND

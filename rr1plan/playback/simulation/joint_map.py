@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
-from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.checks import Array, known_name
+from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
@@ -49,7 +49,7 @@ class JointMap:
                 self.followers[self.names[row]] = f"{arm}/{source.name}"
             self._source[row] = self.index[f"{arm}/{source.name}"]
             self._factor[row], self._offset[row] = factor, offset
-        following = np.array([self.index[name] for name in self.followers], dtype=np.int64)
+        following = self.indices(tuple(self.followers))
         self._following, self._followed = following, self._source[following]
         self._followed_factor, self._followed_offset = self._factor[following], self._offset[following]
 
@@ -59,10 +59,7 @@ class JointMap:
         Raises:
             UnknownNameError: an unknown joint.
         """
-        for name in names:
-            if name not in self.index:
-                raise UnknownNameError("joint", name, self.names)
-        return np.array([self.index[name] for name in names], dtype=np.int64)
+        return np.array([self.index[known_name("joint", name, self.index)] for name in names], dtype=np.int64)
 
     def follow(self, values: Array, *, rates: bool = False) -> Array:
         """Values of all joints, where mimicking joints are computed from the joints that they follow.
@@ -112,6 +109,11 @@ class JointTargets:
         trajectory: The motion of some arms.
         scene: The scene.
 
+    Attributes:
+        trajectory: The motion.
+        names: "arm/joint" of the movable joints.
+        columns: Index of each joint of the trajectory among them.
+
     Raises:
         UnknownNameError: a column of the trajectory is not a joint of the scene.
         InputError: only some joints of an arm have columns.
@@ -120,22 +122,20 @@ class JointTargets:
     def __init__(self, trajectory: Trajectory, scene: Scene) -> None:
         known = scene.joint_names() if scene.arms else ()
         for name in trajectory.joint_names:
-            if name not in known:
-                raise UnknownNameError("joint", name, known)
+            known_name("joint", name, known)
         missing = [n for a in trajectory.arms for n in scene.joint_names([a]) if n not in trajectory.joint_names]
         if missing:
             raise InputError(f"the trajectory moves {', '.join(trajectory.arms)} but has no column for {missing[0]!r}")
         self.trajectory = trajectory
-        self.scene = scene
         self._map = JointMap(scene)
         self.names = self._map.names
         self._rest = self._map.expand(scene.configuration() if scene.arms else np.zeros(0))
-        self._columns = np.array([self._map.index[name] for name in trajectory.joint_names], dtype=np.int64)
+        self.columns = self._map.indices(trajectory.joint_names)
 
     def __call__(self, times: Array, derivative: int = 0) -> Array:
         """Positions (or rates) of all movable joints at `times`, shape (n, joints)."""
         values = np.zeros((len(times), len(self.names)))
         if derivative == 0:
             values[:] = self._rest
-        values[:, self._columns] = self.trajectory(times, derivative)
+        values[:, self.columns] = self.trajectory(times, derivative)
         return self._map.follow(values, rates=derivative > 0)

@@ -101,7 +101,7 @@ def simulate(
         seen = _dynamic(sim, targets, _Steps(times, desired, stride), report)
     else:
         seen = _kinematic(scene, times, desired, dt, report)
-    columns = np.array([targets.names.index(name) for name in trajectory.joint_names], dtype=np.int64)
+    columns = targets.columns
     error = (seen.actual - desired)[:, columns]
     kept = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
     return Replay(
