@@ -363,6 +363,16 @@ def poses_at(robot: Robot, values: Mapping[str, float], links: Set[str] | None =
     return poses
 
 
+def independent_joint(robot: Robot, joint: Joint) -> tuple[Joint, float, float]:
+    """The joint that a joint follows through a chain of mimics, with factor and offset; itself if it follows none."""
+    factor, offset = 1.0, 0.0
+    while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
+        offset += factor * joint.mimic.offset
+        factor *= joint.mimic.multiplier
+        joint = robot.joint(joint.mimic.joint)
+    return joint, factor, offset
+
+
 def _is_joint_value(value: object) -> bool:
     try:
         # Rows of tensors have elements that are arrays without dimensions.

@@ -16,8 +16,9 @@ import numpy as np
 from rr1plan.checks import Array, known_name
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.robot import Joint, Robot
+from rr1plan.robot import Robot
 from rr1plan.robot.bounding_boxes import bounding_box
+from rr1plan.robot.robot import independent_joint
 from rr1plan.scene import Arm, Obstacle, Pair, Scene, pair
 from rr1plan.scene.unlocked_joints import unlocked_robot
 from rr1plan.shapes import Box
@@ -46,7 +47,7 @@ def gripper_joints(robot: Robot) -> tuple[str, ...]:
 def gripper_links(robot: Robot) -> tuple[str, ...]:
     """The links that the gripper's joints move or, without such joints, the links fixed to the tool."""
     joints = set(gripper_joints(robot))
-    movers = [j.name for j in robot.joints if j.name in joints or _leader(robot, j) in joints]
+    movers = [j.name for j in robot.joints if independent_joint(robot, j)[0].name in joints]
     moved = _carried_by(robot, movers)
     if not moved:
         moved = next(
@@ -62,13 +63,6 @@ def _carried_by(robot: Robot, joints: Iterable[str]) -> set[str]:
         if joint.parent in carried:
             carried.add(joint.child)
     return carried
-
-
-def _leader(robot: Robot, joint: Joint) -> str:
-    """The joint that a joint follows through a chain of mimic joints; its own name if it follows none."""
-    while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
-        joint = robot.joint(joint.mimic.joint)
-    return joint.name
 
 
 def only_gripper_joint(robot: Robot) -> str:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, known_name
 from rr1plan.errors import InputError
-from rr1plan.robot import Joint, Robot
+from rr1plan.robot.robot import independent_joint
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -44,7 +44,7 @@ class JointMap:
         self._source: NDArray[np.int64] = np.arange(len(movable))
         self._factor, self._offset = np.ones(len(movable)), np.zeros(len(movable))
         for row, (arm, joint) in enumerate(movable):
-            source, factor, offset = _independent(scene.arms[arm].robot, joint)
+            source, factor, offset = independent_joint(scene.arms[arm].robot, joint)
             if source.name != joint.name:
                 self.followers[self.names[row]] = f"{arm}/{source.name}"
             self._source[row] = self.index[f"{arm}/{source.name}"]
@@ -90,16 +90,6 @@ class JointMap:
         split = self._scene.split(q)
         values = {name: arm.robot.joint_values(split[name]) for name, arm in self._scene.arms.items()}
         return np.array([values[arm][joint] for arm, joint in (name.split("/", 1) for name in self.names)])
-
-
-def _independent(robot: Robot, joint: Joint) -> tuple[Joint, float, float]:
-    """The joint that a joint follows through a chain of mimics, with factor and offset; itself if it follows none."""
-    factor, offset = 1.0, 0.0
-    while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
-        offset += factor * joint.mimic.offset
-        factor *= joint.mimic.multiplier
-        joint = robot.joint(joint.mimic.joint)
-    return joint, factor, offset
 
 
 class JointTargets:
