@@ -188,7 +188,7 @@ class EmulatedSerialLine:
         for name, count in (position or {}).items():
             joint = self.emulator.joints[known_name("channel", name, self.emulator.joints)]
             joint.position = whole_number(f"position of {name}", count, -_MOST_TICKS, _MOST_TICKS)
-        self._input, self._unread, self._output = bytearray(), bytearray(), bytearray()
+        self._input, self._output = bytearray(), bytearray()
 
     def write(self, data: bytes) -> int:
         """Send bytes to the box, which receives them at its next exchange.
@@ -198,7 +198,7 @@ class EmulatedSerialLine:
         """
         if not isinstance(data, bytes | bytearray):
             raise InputError(f"data is of type {type(data).__name__}, expected bytes")
-        self._unread += data
+        self._input += data
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
@@ -226,10 +226,6 @@ class EmulatedSerialLine:
                 self._hit.add(name)
         self._output += self.telemetry().encode()
         self._hit.clear()
-        if not self._unread:
-            return
-        self._input += self._unread
-        self._unread.clear()
         if len(self._input) < COMMAND_BYTES:
             return
         # Only a frame at the beginning is accepted; the rest is dropped.
