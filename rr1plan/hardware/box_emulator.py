@@ -51,7 +51,7 @@ class BoxEmulator:
         self.ticks = 0
         self.idle = True
         self.joints = {name: JointMotion(c.fast_period, c.ramp_steps) for name, c in box.channels.items()}
-        self._moving = self._passes = self._idle_since = 0
+        self._passes = self._idle_since = 0
 
     @property
     def position(self) -> tuple[int, ...]:
@@ -80,7 +80,6 @@ class BoxEmulator:
                 continue
             joint.begin(count)
             common = max(common, joint.profile.total_time)
-            self._moving += 1
             self.idle = False
         for name in steps if common else ():
             self.joints[name].stretch(common)
@@ -109,8 +108,7 @@ class BoxEmulator:
             if held is not None:
                 holds.append(held)
         # From the pass after the last joint has stopped, the box counts passes until it is idle.
-        self._moving -= len(holds)
-        if not self.idle and self._moving == 0:
+        if not self.idle and not any(joint.moving for joint in self.joints.values()):
             passes = ticks - max(holds, default=0)
             if self._passes + passes >= _PROMOTION:
                 self._idle_since = self.ticks + ticks - passes + _PROMOTION - self._passes
