@@ -179,9 +179,7 @@ class _Line:
             if heard:
                 last = time.monotonic()
             elif time.monotonic() - last > self._silence:
-                cut = self._stream.incomplete
-                where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
-                raise SerialLineError(f"no telemetry for {self._silence:g} s{where}: is the box on, and this its port?")
+                raise SerialLineError(f"{self._stream.silent(self._silence)}: is the box on, and this its port?")
 
     def latest(self) -> Telemetry:
         """A frame sent after this call: the second one after the discarded input, of which the first may be a part."""

@@ -167,10 +167,11 @@ class TelemetryStream:
             del self._buffer[:TELEMETRY_BYTES]
             yield telemetry
 
-    @property
-    def incomplete(self) -> int:
-        """Number of buffered bytes of an incomplete frame."""
-        return len(self._buffer)
+    def silent(self, seconds: float) -> str:
+        """In words, that there was no telemetry for some seconds, and where in a frame it stopped."""
+        cut = len(self._buffer)
+        where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
+        return f"no telemetry for {seconds:g} s{where}"
 
     def _shown(self) -> str:
         return bytes(self._buffer[:16]).hex(" ")

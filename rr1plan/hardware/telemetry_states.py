@@ -11,7 +11,7 @@ from rr1plan.checks import of_kind, positive_number
 from rr1plan.errors import InputError, SerialLineError
 from rr1plan.hardware.command_sender import SerialPort, read_bytes
 from rr1plan.hardware.control_box import ControlBox
-from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, Telemetry, TelemetryStream
+from rr1plan.hardware.control_box_frames import CHANNELS, Telemetry, TelemetryStream
 from rr1plan.mirror.joint_states import StateMessage, StateStream, StreamError
 
 # Messages of frames that arrive together get times at this interval [s].
@@ -100,6 +100,5 @@ class _TelemetryStates(Iterator[StateMessage | StreamError]):
             return self._message(frame, self._time)
         if now - self._silent_since <= self._silence:
             return None
-        self._silent_since, cut = now, self._stream.incomplete
-        where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
-        return StreamError("silence", f"no telemetry for {self._silence:g} s{where}")
+        self._silent_since = now
+        return StreamError("silence", self._stream.silent(self._silence))
