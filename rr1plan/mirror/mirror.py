@@ -218,7 +218,7 @@ class Mirror:
         q, positions = self._reader.configuration, self._reader.positions
         assumed = self._assumed(q, positions)
         moved = np.flatnonzero(np.abs(positions - assumed) > _MOVED).tolist()
-        compared = self._compared(q, self._displacement(assumed, positions))
+        compared = self._compared(self._displacement(assumed, positions))
         names = tuple(self._reader.joints.names[i] for i in moved)
         state = MirrorState(now, read_only(q), *compared, self._contacts(positions), names)
         was_inside = self.state is None or self.state.corridor is None or self.state.proven_free
@@ -270,14 +270,13 @@ class Mirror:
         if self._on_event is not None:
             self._on_event(event)
 
-    def _compared(self, q: Array, displacement: float) -> tuple[Array | None, CorridorPosition | None]:
+    def _compared(self, displacement: float) -> tuple[Array | None, CorridorPosition | None]:
         """Deviation of each joint from the plan, and the position in the corridor with other bodies displaced [m]."""
         if self.plan is None or self.corridor is None or self._start is None:
             return None, None
-        names, joints = self.corridor.joint_names, self._reader.joints.index
-        columns = {name: i for i, name in enumerate(self.scene.joint_names())}
-        measured = q[[columns[name] for name in names]]
-        times = self._reader.times[[joints[name] for name in names]]
+        names = self.corridor.joint_names
+        joints = self._reader.joints.indices(names)
+        measured, times = self._reader.positions[joints], self._reader.times[joints]
         planned = self.plan(self.plan.start_time + times - self._start)
         planned = planned[np.arange(len(names)), [self.plan.joint_names.index(name) for name in names]]
         return read_only(self.corridor.deviation(measured, planned)), self.corridor.position(
