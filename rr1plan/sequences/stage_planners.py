@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array
 from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.unlocked_joints import locked_scene
-from rr1plan.sequences.stages import StagedMotion, stage_scenes
+from rr1plan.sequences.stages import StagedMotion, scene_at, stage_scenes
 
 _MOST_BYTES = 4_000_000  # of all planners in the page
 _STILL = 1e-9  # [rad or m]
@@ -57,7 +55,7 @@ def stage_planners(motion: StagedMotion) -> dict[str, Any]:
                 "begin": stage.begin,
                 "planner": known[key],
                 "held": [_held_row(name, thing) for name, thing in held.items()],
-                "rest": _whole_configuration(motion, stage.begin, columns),
+                "rest": scene_at(motion.scene, motion.trajectory, stage.begin).configuration().tolist(),
             }
         )
     return {"stages": rows, "planners": planners}
@@ -88,12 +86,3 @@ def _content(scene: Scene) -> object:
 
 def _held_row(name: str, thing: Attachment) -> dict[str, Any]:
     return {"object": name, "arm": thing.arm, "link": thing.link, "pose": thing.pose.T.ravel().tolist()}
-
-
-def _whole_configuration(motion: StagedMotion, time: float, columns: tuple[str, ...]) -> list[float]:
-    """The configuration of the whole scene at a time."""
-    q: Array = motion.trajectory(time)
-    values: Mapping[str, float] = dict(zip(columns, motion.scene.configuration().tolist(), strict=True)) | dict(
-        zip(motion.trajectory.joint_names, q.tolist(), strict=True)
-    )
-    return [values[name] for name in columns]
