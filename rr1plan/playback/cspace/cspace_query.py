@@ -140,9 +140,7 @@ class CSpaceQuery(Value):
     def _ends_at(self, goal: Array) -> bool:
         if self.path is None or not self.found:
             return False
-        off = self.path[-1] - goal
-        shortest = np.arctan2(np.sin(off), np.cos(off))
-        return bool(np.abs(np.where(self.grid.turns, shortest, off)).max() < _SAME)
+        return bool(off_by(self.path[-1], goal, np.array(self.grid.turns)).max() < _SAME)
 
     @cached_property
     def decomposition(self) -> Decomposition | None:
