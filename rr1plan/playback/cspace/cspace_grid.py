@@ -182,6 +182,14 @@ class CSpaceGrid(Value):
         return points
 
 
+def whole_configurations(grid: CSpaceGrid, q: Array) -> Array:
+    """Configurations of the arm, shape (..., nq), from values of the two joints, shape (..., 2)."""
+    arm = grid.scene.arms[grid.arm]
+    full = np.broadcast_to(arm.q, (*q.shape[:-1], arm.robot.nq)).copy()
+    full[..., [arm.robot.joint_names.index(name) for name in grid.joint_names]] = q
+    return full
+
+
 def compute_grid(
     scene: Scene,
     arm: str | None = None,

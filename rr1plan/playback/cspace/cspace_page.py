@@ -24,7 +24,7 @@ from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import SELF_COLOR, layer_colors
-from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, joint_symbol, name_spots
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, joint_symbol, name_spots, whole_configurations
 from rr1plan.playback.cspace.cspace_raster import SELF, CSpaceRaster
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
 from rr1plan.playback.cspace.reach_outline import reach_of
@@ -106,7 +106,7 @@ def page_parts(
             f"the trajectory moves {', '.join(trajectory.joint_names)}, expected the joints shown: {', '.join(names)}"
         )
     path = None if cspace.path is None else Path(names, cspace.path)
-    start = None if cspace.start is None else _configuration(grid, cspace.start)
+    start = None if cspace.start is None else whole_configurations(grid, cspace.start)
     scene = grid.scene if start is None else grid.scene.with_configuration(grid.arm, start)
     document = view_document(scene, trajectory=trajectory, path=path, report=report, replay=replay, options=options)
     document["ghosts"] = _ghosts(cspace)
@@ -275,16 +275,7 @@ def _ghosts(cspace: CSpaceQuery) -> list[dict[str, Any]]:
     grid = cspace.grid
     standing = [] if cspace.start is None else [("start", cspace.start)]
     standing += [("goal", goal) for goal in cspace.goals]
-    return [{"kind": kind, "arm": grid.arm, "q": _configuration(grid, q).tolist()} for kind, q in standing]
-
-
-def _configuration(grid: CSpaceGrid, q: Any) -> Array:
-    """The arm's configuration with the two joints at q, the others as the scene has them."""
-    arm = grid.scene.arms[grid.arm]
-    full = np.array(arm.q)
-    for name, value in zip(grid.joint_names, q, strict=True):
-        full[arm.robot.joint_names.index(name)] = value
-    return full
+    return [{"kind": kind, "arm": grid.arm, "q": whole_configurations(grid, q).tolist()} for kind, q in standing]
 
 
 def _planar(grid: CSpaceGrid) -> dict[str, object] | None:

@@ -26,7 +26,7 @@ from rr1plan.errors import InputError
 from rr1plan.model import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
 from rr1plan.playback.cspace.cspace_decomposition import Decomposition, decompose
-from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, two_joints
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, two_joints, whole_configurations
 from rr1plan.playback.cspace.cspace_raster import layer_of
 from rr1plan.playback.cspace.cspace_targets import CellTargets, off_by
 from rr1plan.playback.search_trees import DrawnTree, drawn_tree
@@ -92,16 +92,9 @@ class CSpaceQuery(Value):
 
     def _blocked_by(self, q: Array) -> tuple[str, ...]:
         scene, arm = self.grid.scene, self.grid.arm
-        checker, full = CollisionChecker(scene, (arm,)), self._whole(q)
+        checker, full = CollisionChecker(scene, (arm,)), whole_configurations(self.grid, q)
         names = [layer_of(scene, (contact.a, contact.b), arm) for contact in checker.contacts(full)]
         return tuple(dict.fromkeys(names + [LIMITS] * (not checker.within_limits(full))))
-
-    def _whole(self, q: Array) -> Array:
-        """Configurations of the arm, shape (..., nq), from values of the two joints, shape (..., 2)."""
-        arm = self.grid.scene.arms[self.grid.arm]
-        full = np.broadcast_to(arm.q, (*q.shape[:-1], arm.robot.nq)).copy()
-        full[..., [arm.robot.joint_names.index(name) for name in self.grid.joint_names]] = q
-        return full
 
     # ---- the answer ----------------------------------------------------------------------
 
@@ -116,11 +109,11 @@ class CSpaceQuery(Value):
         checker = CollisionChecker(grid.scene, (grid.arm,))
         names = grid.scene.arms[grid.arm].robot.joint_names
         columns = (names.index(grid.joint_names[0]), names.index(grid.joint_names[1]))
-        plane = JointPlane(checker.model, self._whole(self.start), columns)
+        plane = JointPlane(checker.model, whole_configurations(grid, self.start), columns)
         targets = CellTargets(plane, grid.scene, grid.arm, self.targets)
         if not targets.may_hold(q[-1:], np.full(2, _EXACT)).all():
             return "it does not end at a goal"
-        path = self._whole(q)
+        path = whole_configurations(grid, q)
         if not all(checker.within_limits(point) for point in path):
             return "it leaves the joint limits"
         return "" if checker.path_is_free(path) else "it is not free"

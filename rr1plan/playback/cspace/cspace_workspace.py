@@ -24,7 +24,7 @@ from rr1plan.playback.cspace.cspace_colors import (
     layer_colors,
     layer_patterns,
 )
-from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
+from rr1plan.playback.cspace.cspace_grid import CSpaceGrid, whole_configurations
 from rr1plan.playback.cspace.cspace_lines import ObstacleName, along, gradient, write_name
 from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.outlines import silhouette
@@ -180,10 +180,7 @@ def _configurations(cspace: CSpaceQuery) -> list[tuple[Array, Any, float]]:
 
 def _link_poses(grid: CSpaceGrid, q: Array) -> dict[str, Array]:
     arm = grid.scene.arms[grid.arm]
-    full = np.array(arm.q)
-    for name, value in zip(grid.joint_names, q, strict=True):
-        full[arm.robot.joint_names.index(name)] = value
-    return {link: arm.base @ T for link, T in arm.robot.link_poses(full).items()}
+    return {link: arm.base @ T for link, T in arm.robot.link_poses(whole_configurations(grid, q)).items()}
 
 
 def _tool(grid: CSpaceGrid, q: Array) -> Array:
