@@ -38,6 +38,7 @@ from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
 from rr1plan.trajectory import Trajectory
+from rr1plan.transforms import pose
 
 Document = dict[str, Any]
 
@@ -300,9 +301,7 @@ def _shown_track(
 def _sampled(trajectory: Trajectory) -> Trajectory:
     most = max(2, _LARGEST_TRACK // (2 * len(trajectory.joint_names)))
     dt = max(1.0 / _SAMPLE_RATE, trajectory.duration / most)
-    times, positions = trajectory.sample(dt)
-    slopes = np.diff(positions, axis=0) / np.diff(times)[:, None]
-    return Trajectory(trajectory.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
+    return Trajectory.from_samples(trajectory.joint_names, *trajectory.sample(dt))
 
 
 def _steady(path: Path) -> Trajectory:
@@ -322,8 +321,7 @@ def _replayed(replay: Replay) -> Trajectory:
     times, positions = replay.record.times, replay.record.actual
     if len(times) < 2:
         return Trajectory.rest(replay.joint_names, positions[0])
-    slopes = np.diff(positions, axis=0) / np.diff(times)[:, None]
-    return Trajectory(replay.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
+    return Trajectory.from_samples(replay.joint_names, times, positions)
 
 
 def _summary(replay: Replay) -> dict[str, object]:
@@ -402,10 +400,8 @@ def _targets(problem: Problem) -> list[dict[str, object]]:
     for arm, goals in problem.goal.items():
         for goal in goals:
             if isinstance(goal, PoseGoal):
-                T = np.eye(4)
-                T[:3, 3] = goal.position
-                T[:3, :3] = np.eye(3) if goal.rotation is None else goal.rotation
-                kind = {"kind": "pose", "pose": _numbers(T), "turned": goal.rotation is not None}
+                T = pose(goal.position, quaternion=goal.quaternion)
+                kind = {"kind": "pose", "pose": _numbers(T), "turned": goal.quaternion is not None}
             elif isinstance(goal, RegionGoal):
                 kind = {"kind": "region", "lower": goal.lower.tolist(), "upper": goal.upper.tolist()}
             else:
