@@ -21,8 +21,9 @@ from rr1plan.export.glb_container import GlbArrays
 from rr1plan.export.glb_meshes import joined, shape_triangles
 from rr1plan.files.file_access import check_writable, write_bytes
 from rr1plan.path import MOST_SAMPLES
+from rr1plan.playback.viewer.page_arrays import unpack_array
 from rr1plan.playback.viewer.page_content import HasPage, page_content
-from rr1plan.playback.viewer.page_document import Document, unpack_array, view_document
+from rr1plan.playback.viewer.page_document import Document, view_document
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem

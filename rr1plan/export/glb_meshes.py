@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.held_interrupts import interrupts_held
-from rr1plan.playback.viewer.page_document import unpack_array
+from rr1plan.playback.viewer.page_arrays import unpack_array
 
 _SECTIONS = 32  # of cylinders, capsules and spheres
 _SHARP = np.radians(35.0)  # edges with a larger angle between their faces are drawn sharp, as on the page

@@ -14,7 +14,7 @@ from rr1plan.lessons.mathml import math, matrix
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.reach_outline import reach_of
-from rr1plan.playback.viewer.page_document import pack_array
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_robot
 from rr1plan.scene.problem import Problem

@@ -21,7 +21,7 @@ from rr1plan.path import Path
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
-from rr1plan.playback.viewer.page_document import pack_array
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.retiming import retime
 from rr1plan.retiming.path_blends import clean
 from rr1plan.robot.joint_limits import Limits

@@ -21,7 +21,7 @@ from rr1plan.playback.cspace.cspace_figure import swatch
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
-from rr1plan.playback.viewer.page_document import pack_array
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
 from rr1plan.scene.problem import Problem

@@ -21,7 +21,7 @@ from rr1plan.model import Kinematics
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
-from rr1plan.playback.viewer.page_document import pack_array
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
 from rr1plan.scene.problem import Problem

@@ -20,7 +20,8 @@ from rr1plan.lessons.picture_panels import pair_layers, picture_panel
 from rr1plan.playback.cspace.cspace_colors import HATCHES, ink_on, layer_colors, layer_patterns
 from rr1plan.playback.cspace.cspace_figure import swatch
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, joint_symbol
-from rr1plan.playback.viewer.page_document import pack_array, view_document
+from rr1plan.playback.viewer.page_arrays import pack_array
+from rr1plan.playback.viewer.page_document import view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
 from rr1plan.scene.problem import Problem

@@ -24,7 +24,8 @@ from rr1plan.planning import Budget
 from rr1plan.playback.arm_colors import arm_color
 from rr1plan.playback.cspace.cspace_grid import compute_grid
 from rr1plan.playback.outlines import silhouette
-from rr1plan.playback.viewer.page_document import pack_array, view_document
+from rr1plan.playback.viewer.page_arrays import pack_array
+from rr1plan.playback.viewer.page_document import view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
 from rr1plan.scene.problem import Problem

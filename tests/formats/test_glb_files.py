@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import rr1plan as rp
 from rr1plan.export.glb_meshes import shape_triangles
-from rr1plan.playback.viewer.page_document import pack_array
 from rr1plan.playback.viewer.page_shapes import ShapeTable
 
 pygltflib = pytest.importorskip("pygltflib", reason="pygltflib is not installed")
@@ -167,7 +166,7 @@ SHAPES = (
 
 @pytest.mark.parametrize(("shape", "volume"), SHAPES)
 def test_surfaces_enclose_their_shapes(shape: Any, volume: float) -> None:
-    table = ShapeTable(pack_array)
+    table = ShapeTable()
     body = shape_triangles(table.rows[table.index(shape)])
     corners = body.vertices[body.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -178,7 +177,7 @@ def test_surfaces_enclose_their_shapes(shape: Any, volume: float) -> None:
 
 
 def test_corners_are_sharp_and_round_things_are_round() -> None:
-    table = ShapeTable(pack_array)
+    table = ShapeTable()
     box = shape_triangles(table.rows[table.index(rp.Box((1.0, 1.0, 1.0)))])
     assert len(box.vertices) == 24
     assert np.isclose(np.abs(box.normals).max(axis=1), 1.0).all()

@@ -17,7 +17,7 @@ from rr1plan.errors import InputError
 from rr1plan.planning import SearchTree
 from rr1plan.playback.cspace.cspace_verdict import verdict
 from rr1plan.playback.cspace.cspace_viewer import show_page
-from rr1plan.playback.viewer.page_document import unpack_array
+from rr1plan.playback.viewer.page_arrays import unpack_array
 from rr1plan.robot import Joint, Link, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.model_library import load_problems

@@ -11,7 +11,6 @@ from drawn_links import wander
 from packed_arrays import unpacked
 
 import rr1plan as rp
-from rr1plan import pack_array
 from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.motion_samples import clearance_samples, torque_samples, violation_places
 
@@ -27,7 +26,7 @@ def test_torques_are_those_of_all_arms_together(rr1: rp.Robot) -> None:
     scene = rp.Scene().with_arm("left", rr1, rp.transforms.pose([0.0, 0.0, 0.0], rpy=[0.5, 0.2, 1.0]))
     scene = scene.with_arm("right", rr1, [1.0, 0.0, 0.0])
     trajectory = wander(scene)
-    sent = torque_samples(scene, trajectory, range(12), pack_array)
+    sent = torque_samples(scene, trajectory, range(12))
     times, torques = unpacked(sent["times"]), unpacked(sent["values"])
     expected = rp.Kinematics(scene).inverse_dynamics(*(trajectory(times, k) for k in range(3)))
     np.testing.assert_allclose(torques, expected, rtol=1e-5, atol=1e-5)
@@ -43,12 +42,12 @@ def test_torques_include_held_objects_and_name_those_without_a_mass(rr1: rp.Robo
         for mass in (2.0, None)
     )
     trajectory = wander(scene)
-    sent = torque_samples(heavy, trajectory, range(12), pack_array)
+    sent = torque_samples(heavy, trajectory, range(12))
     times, torques = unpacked(sent["times"]), unpacked(sent["values"])
     expected = rp.Kinematics(heavy).inverse_dynamics(*(trajectory(times, k) for k in range(3)))
     np.testing.assert_allclose(torques, expected, rtol=1e-5, atol=1e-5)
     assert sent["remark"] == ""
-    assert torque_samples(unknown, trajectory, range(12), pack_array)["remark"] == "without the mass of load"
+    assert torque_samples(unknown, trajectory, range(12))["remark"] == "without the mass of load"
 
 
 def test_torques_are_sent_on_both_sides_of_a_jump(rr1_table: rp.Scene) -> None:
@@ -59,7 +58,7 @@ def test_torques_are_sent_on_both_sides_of_a_jump(rr1_table: rp.Scene) -> None:
     coefficients[1, 0] = q
     coefficients[1, :, 1] += [0.2, 0.4, -0.2]
     trajectory = rp.Trajectory(rr1_table.joint_names(), [0.0, 1.0, 2.0], coefficients)
-    sent = torque_samples(rr1_table, trajectory, range(len(q)), pack_array)
+    sent = torque_samples(rr1_table, trajectory, range(len(q)))
     times, torques = unpacked(sent["times"]), unpacked(sent["values"])
     at = int(np.searchsorted(times, 1.0))
     assert times[at] == 1.0
@@ -71,7 +70,7 @@ def test_torques_are_sent_on_both_sides_of_a_jump(rr1_table: rp.Scene) -> None:
 
 def test_clearances_are_those_of_the_checker_and_of_the_referee(motion: rp.MotionPlan) -> None:
     trajectory, scene = motion.trajectory, motion.scene
-    sent = clearance_samples(scene, trajectory, pack_array, thorough=True)
+    sent = clearance_samples(scene, trajectory, thorough=True)
     assert sent is not None
     assert sent["arms"] == ["rr1"]
     times, values, points = (unpacked(sent[name]) for name in ("times", "values", "points"))
@@ -94,7 +93,7 @@ def test_clearances_are_those_of_the_checker_and_of_the_referee(motion: rp.Motio
 
 def test_padding_is_no_clearance(motion: rp.MotionPlan) -> None:
     bare, padded = (
-        clearance_samples(scene, motion.trajectory, pack_array, thorough=True)
+        clearance_samples(scene, motion.trajectory, thorough=True)
         for scene in (motion.scene, motion.scene.with_padding(0.002))
     )
     assert bare is not None
@@ -105,9 +104,9 @@ def test_padding_is_no_clearance(motion: rp.MotionPlan) -> None:
 def test_clearances_of_many_arms_are_sampled_on_demand(planar2r: rp.Robot) -> None:
     scene = rp.place_grid(planar2r, 1, 5, spacing=3.0).with_obstacle("ball", rp.Sphere(0.1), [0.0, 1.2, 0.0])
     trajectory = wander(scene)
-    assert clearance_samples(scene, trajectory, pack_array) is None
-    assert clearance_samples(scene, trajectory, pack_array, thorough=False) is None
-    sent = clearance_samples(scene, trajectory, pack_array, thorough=True)
+    assert clearance_samples(scene, trajectory) is None
+    assert clearance_samples(scene, trajectory, thorough=False) is None
+    sent = clearance_samples(scene, trajectory, thorough=True)
     assert sent is not None
     assert unpacked(sent["values"]).shape == (120, 5, 2)
     documents = [

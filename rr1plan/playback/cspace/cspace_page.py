@@ -32,8 +32,9 @@ from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import page_html, plans_by_itself
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.playback.viewer.page_asset import page_asset
-from rr1plan.playback.viewer.page_document import Document, first_camera, pack_array, view_document
+from rr1plan.playback.viewer.page_document import Document, first_camera, view_document
 from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, with_panel
 from rr1plan.report import Report

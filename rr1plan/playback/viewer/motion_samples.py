@@ -5,7 +5,6 @@ The page computes positions and their derivatives itself from the polynomials of
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,14 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array
 from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.report import Report
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rr1plan.collision import CollisionChecker
-
-Pack = Callable[..., dict[str, object]]
 
 _TORQUE_SAMPLES = 600
 _MOST_NUMBERS = 60_000  # at most, of torques and of tracking errors
@@ -31,14 +29,13 @@ _FEW_ARMS = 4  # with more, clearances are sampled on demand only
 _MOST_PLACES = 40  # contacts of a report whose positions are computed
 
 
-def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pack: Pack) -> dict[str, object]:
+def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike) -> dict[str, object]:
     """Torques by inverse dynamics, as the referee computes them.
 
     Args:
         scene: The arms, and the objects that they hold.
         trajectory: The motion; its derivatives are exact.
         columns: Column of the page of each of its joints.
-        pack: Turns an array into what JSON can hold.
 
     Returns:
         Times [s], shape (n,), torques [Nm or N], shape (n, joints), the columns, and a remark on masses.
@@ -61,8 +58,8 @@ def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pac
     if any(scene.arms[arm].robot.links_of_assumed_mass for arm in trajectory.arms):
         remarks.append("masses estimated from shapes")
     return {
-        "times": pack(times, "f8"),
-        "values": pack(torques),
+        "times": pack_array(times, "f8"),
+        "values": pack_array(torques),
         "columns": np.asarray(columns).tolist(),
         "remark": ", ".join(remarks),
     }
@@ -79,14 +76,13 @@ def _torque_times(trajectory: Trajectory) -> Array:
 
 
 def clearance_samples(
-    scene: Scene, trajectory: Trajectory, pack: Pack, *, thorough: bool | None = None
+    scene: Scene, trajectory: Trajectory, *, thorough: bool | None = None
 ) -> dict[str, object] | None:
     """Clearances along a motion and their nearest points, of each arm to its surroundings and among its own links.
 
     Args:
         scene: The arms and obstacles.
         trajectory: The motion.
-        pack: Turns an array into what JSON can hold.
         thorough: True: 120 samples whatever they cost; False: none; None: as many as take about 0.1 s, none for many
             arms.
 
@@ -126,12 +122,12 @@ def clearance_samples(
                 points[i, k, own] = np.concatenate(checker.solid_points(q, least))
     used, pairs = np.unique(pairs, return_inverse=True)
     return {
-        "times": pack(times, "f8"),
+        "times": pack_array(times, "f8"),
         "arms": list(arms),
-        "values": pack(values),
+        "values": pack_array(values),
         "names": [list(checker.pairs[pair]) for pair in used],
-        "pairs": pack(pairs.reshape(values.shape), "u4"),
-        "points": pack(points),
+        "pairs": pack_array(pairs.reshape(values.shape), "u4"),
+        "points": pack_array(points),
     }
 
 
@@ -147,13 +143,12 @@ def _members(checker: CollisionChecker, arms: tuple[str, ...]) -> list[tuple[NDA
     return found
 
 
-def tracking_errors(replay: Replay, columns: ArrayLike, pack: Pack) -> dict[str, object] | None:
+def tracking_errors(replay: Replay, columns: ArrayLike) -> dict[str, object] | None:
     """Positions minus set-points of a replay [rad or m], thinned if there are very many instants.
 
     Args:
         replay: The replay.
         columns: Column of the page of each of its joints.
-        pack: Turns an array into what JSON can hold.
 
     Returns:
         Times [s], shape (n,), errors, shape (n, joints), and the columns; None for a kinematic replay, which has no
@@ -165,8 +160,8 @@ def tracking_errors(replay: Replay, columns: ArrayLike, pack: Pack) -> dict[str,
     stride = max(1, -(-record.actual.size // _MOST_NUMBERS))
     kept = np.unique(np.append(np.arange(0, len(record.times), stride), len(record.times) - 1))
     return {
-        "times": pack(record.times[kept], "f8"),
-        "values": pack(record.actual[kept] - record.desired[kept]),
+        "times": pack_array(record.times[kept], "f8"),
+        "values": pack_array(record.actual[kept] - record.desired[kept]),
         "columns": np.asarray(columns).tolist(),
     }
 

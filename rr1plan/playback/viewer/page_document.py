@@ -3,20 +3,16 @@
 A robot is described once, however many arms are copies of it: its joints, from which the page computes forward
 kinematics, and its shapes, so that the page draws all copies of a shape in one call. A motion is sent as polynomials,
 not as poses: a hundred times smaller, and exact.
-
-Arrays are sent as base64 of little-endian numbers, `{"dtype": "f4", "shape": [...], "data": "..."}`.
 """
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, known_name, number_array, of_kind
+from rr1plan.checks import Array, known_name, of_kind
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import SearchTree
@@ -29,6 +25,7 @@ from rr1plan.playback.viewer.motion_samples import (
     tracking_errors,
     violation_places,
 )
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.playback.viewer.page_kinematics import scene_kinematics
 from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.page_shapes import ShapeTable
@@ -47,36 +44,6 @@ _SAMPLE_RATE = 60.0
 _PATH_SPEED = 1.0  # [rad/s] at which a path without times is shown
 _MOST_GHOSTS = 4
 _RATES = ("velocity", "acceleration", "jerk", "effort")
-
-
-def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
-    """An array as a JSON value for the data of a `Panel`, whose script reads it by `viewer.unpack`.
-
-        script = "root.textContent = viewer.unpack(data.q).shape.join(' x ')"
-        panel = Panel("table", "Table", script=script, data={"q": pack_array(q)})
-
-    Args:
-        array: Numbers of any shape.
-        dtype: Their type on the page: "f4" or "f8" (floating point), or "u4" (whole numbers from 0).
-
-    Returns:
-        A mapping with the keys "dtype", "shape" and "data" (base64).
-
-    Raises:
-        UnknownNameError: another type.
-        InputError: not numbers.
-    """
-    known_name("dtype", dtype, ("f4", "f8", "u4"))
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond the range become infinite
-        plain = array if isinstance(array, np.ndarray) and array.dtype.kind in "iuf" else number_array("array", array)
-        values: NDArray[Any] = np.ascontiguousarray(plain, dtype="<" + dtype)
-    return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
-
-
-def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
-    """The array in a value of `pack_array`."""
-    values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
-    return values.reshape(packed["shape"])
 
 
 def view_document(
@@ -113,7 +80,7 @@ def view_document(
     of_kind("replay", replay, Replay, optional=True)
     options = checked_options(options)
     spheres = options.spheres
-    shapes = ShapeTable(pack_array)
+    shapes = ShapeTable()
     robots, kinematics, arms = scene_kinematics(scene, _numbers)
     motion = trajectory if trajectory is not None or path is None else _steady(path)
     if motion is None and replay is not None:
@@ -344,8 +311,8 @@ def _samples(scene: Scene, trajectory: Trajectory | None, options: ViewOptions) 
         return {"torque": None, "clearance": None}
     columns = _columns(trajectory.joint_names, scene)
     return {
-        "torque": torque_samples(scene, trajectory, columns, pack_array),
-        "clearance": clearance_samples(scene, trajectory, pack_array, thorough=options.clearances),
+        "torque": torque_samples(scene, trajectory, columns),
+        "clearance": clearance_samples(scene, trajectory, thorough=options.clearances),
     }
 
 
@@ -357,7 +324,7 @@ def _findings(
     if report is not None and trajectory is not None and trajectory.arms:
         places = violation_places(scene, trajectory, report)
     return {
-        "error": None if replay is None else tracking_errors(replay, _columns(replay.joint_names, scene), pack_array),
+        "error": None if replay is None else tracking_errors(replay, _columns(replay.joint_names, scene)),
         "places": places,
     }
 

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from typing import Any, assert_never
 
+from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
-
-Pack = Callable[..., dict[str, object]]
 
 
 class ShapeTable:
-    """Collects shapes and gives equal ones the same index.
+    """Collects shapes and gives equal ones the same index."""
 
-    Args:
-        pack: Converts an array to a JSON value.
-    """
-
-    def __init__(self, pack: Pack) -> None:
+    def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
-        self._pack = pack
         self._known: dict[Any, int] = {}
 
     def index(self, shape: Shape) -> int:
@@ -46,11 +39,11 @@ class ShapeTable:
             case Mesh():
                 return {
                     "kind": "mesh",
-                    "vertices": self._pack(shape.vertices),
-                    "faces": self._pack(shape.faces, "u4"),
+                    "vertices": pack_array(shape.vertices),
+                    "faces": pack_array(shape.faces, "u4"),
                 }
             case PointCloud():
-                return {"kind": "cloud", "points": self._pack(shape.points), "resolution": shape.resolution}
+                return {"kind": "cloud", "points": pack_array(shape.points), "resolution": shape.resolution}
             case _:
                 assert_never(shape)
 
