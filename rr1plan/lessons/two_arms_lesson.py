@@ -24,7 +24,7 @@ from rr1plan.planning import Budget
 from rr1plan.playback.arm_colors import arm_color
 from rr1plan.playback.cspace.cspace_grid import compute_grid
 from rr1plan.playback.outlines import silhouette
-from rr1plan.playback.viewer.page_arrays import pack_array
+from rr1plan.playback.viewer.page_arrays import pack_array, pack_bytes
 from rr1plan.playback.viewer.page_document import view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
@@ -171,12 +171,11 @@ class TwoArmsLesson(Lesson):
 
     def _scenario(self, name: str) -> dict[str, object]:
         pair = self.pairs[name]
-        flat = np.packbits(pair.blocked.ravel(), bitorder="little")
         return {
             "name": name,
             "title": _TITLES[name],
             "shape": list(pair.blocked.shape),
-            "blocked": pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4"),
+            "blocked": pack_bytes(np.packbits(pair.blocked.ravel(), bitorder="little")),
             "lengths": [np.round(row, 6).tolist() for row in pair.lengths],
             "configurations": [np.round(q, 6).tolist() for q in pair.configurations],
             "schedules": [_schedule_data(schedule) for schedule in self.schedules[name]],

@@ -32,7 +32,7 @@ from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import page_html, plans_by_itself
-from rr1plan.playback.viewer.page_arrays import pack_array
+from rr1plan.playback.viewer.page_arrays import pack_array, pack_bytes
 from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.page_document import Document, first_camera, view_document
 from rr1plan.playback.viewer.page_planner import page_planner
@@ -159,7 +159,7 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
         "periodic": list(grid.periodic),
         "size": list(grid.free.shape),
         "layers": _layers(grid, bool(others)),
-        "labels": _bytes(labels),
+        "labels": pack_bytes(labels),
         "shares": shares,
         "start": None if cspace.start is None else cspace.start.tolist(),
         "goals": [goal.tolist() for goal in cspace.goals],
@@ -226,12 +226,6 @@ def _outlines(grid: CSpaceGrid, name: str) -> list[Array]:
     return [silhouette(g.shape, thing.pose @ g.pose) - thing.pose[:2, 3] for g in solid]
 
 
-def _bytes(values: NDArray[np.uint8]) -> dict[str, object]:
-    """Bytes as the words that the page unpacks, padded with zeros."""
-    flat = np.ascontiguousarray(values, dtype=np.uint8).ravel()
-    return pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
-
-
 def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, object]]:
     """The layers; in a slice also an empty layer of self-collision, because other slices of the page may have some."""
     kinds, spots, colors, masks = {SELF: "self", LIMITS: "limits"}, name_spots(grid), layer_colors(grid), grid.layers
@@ -243,7 +237,7 @@ def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, object]]:
             "spot": spots.get(name),
             "color": color,
             "kind": kinds.get(name, "thing"),
-            "cells": _bytes(np.packbits(masks[name].ravel(), bitorder="little")),
+            "cells": pack_bytes(np.packbits(masks[name].ravel(), bitorder="little")),
         }
         for name, color in colors.items()
     ]

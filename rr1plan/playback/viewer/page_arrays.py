@@ -36,6 +36,11 @@ def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
     return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
 
 
+def pack_bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
+    """Bytes as the words that the page unpacks, padded with zeros."""
+    return pack_array(np.frombuffer(values.tobytes() + bytes(-values.size % 4), dtype="<u4"), "u4")
+
+
 def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
     """The array in a value of `pack_array`."""
     values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
