@@ -145,7 +145,9 @@ def _tables(checker: CollisionChecker, margin: float) -> dict[str, Any]:
     """The data with which a page plans in the joint space of a checker's arms."""
     scene, space = checker.scene, joint_space(checker.scene, checker.arms)
     searches = _searches(checker)
-    image = checker.memory_image(**_rows(checker, space), **{name: search.struct for name, search in searches})
+    image = checker.memory_image(
+        **_rows(checker, space), **{frame["search"]: search.struct for frame, search in searches}
+    )
     rules = checker.geometry.rules
     reach = checker.omitted_clearance + checker.margin
     return {
@@ -157,7 +159,7 @@ def _tables(checker: CollisionChecker, margin: float) -> dict[str, Any]:
             name: {"object": number, "pose": scene.obstacles[name].pose.ravel().tolist()}
             for name, number in checker.object_numbers.items()
         },
-        "frames": [_frame(scene, name, checker) for name, _ in searches],
+        "frames": [frame for frame, _ in searches],
         "margin": margin,
         "reach": reach if np.isfinite(reach) else None,
         "tree_step": TREES.step * space.diagonal,
@@ -225,37 +227,28 @@ def _rows(checker: CollisionChecker, space: Space) -> dict[str, Root]:
     return rows | {"can_move": ("uint8_t", np.array([space.can_move], np.uint8)), "rates": rates}
 
 
-def _searches(checker: CollisionChecker) -> list[tuple[str, IkSearch]]:
-    """An inverse kinematics search for the tool of each arm, with its name in the image."""
+def _searches(checker: CollisionChecker) -> list[tuple[dict[str, Any], IkSearch]]:
+    """The tool of each arm, with the parameters for each kind of target, and its inverse kinematics search."""
     scene, first, searches = checker.scene, 0, []
+    goal = PoseGoal("tool", np.eye(4))
+    tolerances = np.array([goal.position_tolerance, goal.orientation_tolerance])
     for arm in checker.arms:
         robot = scene.arms[arm].robot
         chain = chain_of(checker.model.arm_model, f"{arm}/{robot.tool}", first)
-        goal = PoseGoal("tool", np.eye(4))
         seeds = np.clip(scene.arms[arm].q, robot.limits.lower, robot.limits.upper)[None]
         search = IkSearch(chain, robot, goal, seeds, random_state(0))
         for name in ("solutions", "nearest", "memory"):
             search.struct.part(name)[:] = 0.0  # so that equal scenes have equal images
-        searches.append((f"tool of {arm}", search))
+        frame = {
+            "name": f"{arm}/{robot.tool}",
+            "arm": arm,
+            "search": f"tool of {arm}",
+            "first": first,
+            "weight": METERS_PER_RADIAN,
+            "tolerances": [(share * tolerances).tolist() for share in (SHARE, WHOLE)],
+            "separations": [separation(chain, fixed) for fixed in (3, 6)],
+            "near": NEAR**2,
+        }
+        searches.append((frame, search))
         first += robot.nq
     return searches
-
-
-def _frame(scene: Scene, name: str, checker: CollisionChecker) -> dict[str, object]:
-    """A frame for inverse kinematics, and the parameters of the search for each kind of target."""
-    arm = name.removeprefix("tool of ")
-    robot, goal = scene.arms[arm].robot, PoseGoal("tool", np.eye(4))
-    before = checker.arms[: checker.arms.index(arm)]
-    first = sum(scene.arms[other].robot.nq for other in before)
-    chain = chain_of(checker.model.arm_model, f"{arm}/{robot.tool}", first)
-    tolerances = np.array([goal.position_tolerance, goal.orientation_tolerance])
-    return {
-        "name": f"{arm}/{robot.tool}",
-        "arm": arm,
-        "search": name,
-        "first": first,
-        "weight": METERS_PER_RADIAN,
-        "tolerances": [(share * tolerances).tolist() for share in (SHARE, WHOLE)],
-        "separations": [separation(chain, fixed) for fixed in (3, 6)],
-        "near": NEAR**2,
-    }
