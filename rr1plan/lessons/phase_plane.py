@@ -113,7 +113,7 @@ def phase_plane(
     velocity = _scale("velocity_scale", velocity_scale)
     acceleration = _scale("acceleration_scale", acceleration_scale)
     grid = path_grid(path, scene, max_blend=max_blend)
-    limits = scene.limits(_arms(path))
+    limits = scene.limits(path.arms)
     return fastest_motion(grid, velocity * limits.velocity, acceleration * limits.acceleration)
 
 
@@ -128,7 +128,7 @@ def path_grid(path: Path, scene: Scene, *, max_blend: float = 0.4) -> PathGrid:
     """The grid of a path with certified blends; for arguments and errors see `phase_plane`."""
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
-    arms, largest = _arms(path), number_from_zero("max_blend", max_blend)
+    arms, largest = path.arms, number_from_zero("max_blend", max_blend)
     checker, limits = CollisionChecker(scene, arms), scene.limits(arms)
     if path.joint_names != checker.joint_names:
         raise InputError(f"the path moves {', '.join(path.joint_names)}, expected {', '.join(checker.joint_names)}")
@@ -137,10 +137,6 @@ def path_grid(path: Path, scene: Scene, *, max_blend: float = 0.4) -> PathGrid:
         raise InputError("the path does not move, expected two different waypoints")
     check_limits(path.joint_names, points, limits)
     return grid_of(curves(points, blend_sizes(points, largest, checker)), limits)
-
-
-def _arms(path: Path) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names))
 
 
 def grid_of(parts: list[Curve], limits: Limits) -> PathGrid:
