@@ -34,23 +34,20 @@ def picture_panel(name: str, title: str, scripts: Sequence[str], data: object) -
     )
 
 
-def slice_axes(scene: Scene, arm: str, columns: tuple[int, int]) -> dict[str, object]:
-    """The axes of the picture of two joints, as data for `cspace_picture.js`.
+def slice_axes(scene: Scene, arm: str) -> dict[str, object]:
+    """The axes of the picture of an arm's first two joints, as data for `cspace_picture.js`.
 
     Args:
         scene: The scene.
         arm: The arm.
-        columns: Two of its joints.
     """
-    robot = scene.arms[arm].robot
-    names = (robot.joint_names[columns[0]], robot.joint_names[columns[1]])
-    grid = compute_grid(scene, arm, names, resolution=8)
+    robot, grid = scene.arms[arm].robot, compute_grid(scene, arm, resolution=8)
     halves = [0.5 * float(centers[1] - centers[0]) for centers in grid.axes]
     return {
-        "columns": list(columns),
+        "columns": [0, 1],
         "joints": [
             {"name": name, "straight": robot.joint(name).kind == "prismatic", "symbol": joint_symbol(robot, name)}
-            for name in names
+            for name in grid.joint_names
         ],
         "low": [float(centers[0]) - half for centers, half in zip(grid.axes, halves, strict=True)],
         "high": [float(centers[-1]) + half for centers, half in zip(grid.axes, halves, strict=True)],

@@ -140,7 +140,7 @@ class TwoArmsLesson(Lesson):
         checker = CollisionChecker(self.scene)
         arms = [self._arm(checker, name, k) for k, name in enumerate(self.arms)]
         data = {
-            **slice_axes(self.scene, self.arms[0], (0, 1)),
+            **slice_axes(self.scene, self.arms[0]),
             "size": [1, 1],
             "labels": pack_array(np.zeros(1), "u4"),
             "layers": [],
@@ -158,14 +158,13 @@ class TwoArmsLesson(Lesson):
     def _arm(self, checker: CollisionChecker, name: str, number: int) -> dict[str, object]:
         other = self.arms[1 - number]
         layers = {other: arm_color(1 - number), **dict.fromkeys(self.scene.obstacles, _OBSTACLE)}
-        axes = slice_axes(self.scene, name, (0, 1))
         return {
             "name": name,
             "color": arm_color(number),
             "ink": arm_color(number),
             "layers": [{"name": n, "color": c, "kind": "thing", "spot": None} for n, c in layers.items()],
             "layerOf": pair_layers(checker, name, list(layers)),
-            **axes,
+            **slice_axes(self.scene, name),
             "columns": [2 * number, 2 * number + 1],
         }
 
