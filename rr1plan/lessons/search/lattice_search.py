@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from rr1plan.checks import Array, number_from_zero, whole_number
-from rr1plan.lessons.search.search_record import CLOSED, PARENT, SearchRecord, SearchRecorder
+from rr1plan.lessons.search.search_record import CLOSED, PARENT, SearchRecord, SearchRecorder, chain_to
 from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
@@ -51,7 +51,7 @@ def search_lattice(problem: Problem, *, cells: int = 36, weight: float = 1.0) ->
         closed.add(v)
         note.add(CLOSED, v)
         if indices[v] == _GOAL:
-            note.add_path(_chain(parents, v))
+            note.add_path(chain_to(parents, v))
             note.step()
             break
         for index, q in lattice.neighbors(indices[v]):
@@ -102,11 +102,3 @@ class Lattice:
         if (np.abs(self.space.difference(self.place(index), self.space.goal)) <= self.size).all():
             found.append((_GOAL, self.space.goal))
         return found
-
-
-def _chain(parents: list[int], vertex: int) -> list[int]:
-    """The vertices from the root to one."""
-    chain = [vertex]
-    while parents[chain[-1]] >= 0:
-        chain.append(parents[chain[-1]])
-    return chain[::-1]

@@ -11,7 +11,7 @@ import heapq
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, positive_number, whole_number
-from rr1plan.lessons.search.search_record import BLOCKED, EDGE, SAMPLE, SearchRecord, SearchRecorder
+from rr1plan.lessons.search.search_record import BLOCKED, EDGE, SAMPLE, SearchRecord, SearchRecorder, chain_to
 from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
@@ -74,10 +74,7 @@ def _shortest(graph: list[dict[int, float]], start: int, goal: int) -> list[int]
     while queue:
         cost, v = heapq.heappop(queue)
         if v == goal:
-            chain = [v]
-            while parents[chain[-1]] >= 0:
-                chain.append(parents[chain[-1]])
-            return chain[::-1]
+            return chain_to(parents, v)
         if v in closed:
             continue
         closed.add(v)

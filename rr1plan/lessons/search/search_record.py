@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -150,3 +150,11 @@ class SearchRecorder:
             read_only(np.array(self._costs)),
             tuple(self._paths),
         )
+
+
+def chain_to(parents: Sequence[int] | Mapping[int, int], vertex: int) -> list[int]:
+    """The vertices from the root, whose parent is -1, to one."""
+    chain = [vertex]
+    while parents[chain[-1]] >= 0:
+        chain.append(parents[chain[-1]])
+    return chain[::-1]

@@ -13,7 +13,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, finite_number, positive_number, whole_number
 from rr1plan.errors import InputError
-from rr1plan.lessons.search.search_record import PARENT, SAMPLE, SearchRecord, SearchRecorder
+from rr1plan.lessons.search.search_record import PARENT, SAMPLE, SearchRecord, SearchRecorder, chain_to
 from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
@@ -55,10 +55,7 @@ class _Tree:
 
     def chain(self, vertex: int) -> list[int]:
         """The vertices from the root to one."""
-        chain = [vertex]
-        while self.parents[chain[-1]] >= 0:
-            chain.append(self.parents[chain[-1]])
-        return chain[::-1]
+        return chain_to(self.parents, vertex)
 
 
 def grow_rrt(
