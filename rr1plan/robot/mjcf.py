@@ -29,7 +29,7 @@ from rr1plan.robot.mjcf_omissions import listed_names, warn_of_omissions
 from rr1plan.robot.srdf import Semantics
 from rr1plan.robot.urdf import MAX_LINKS, Tree
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
-from rr1plan.transforms import identity
+from rr1plan.transforms import identity, pose
 
 log = logging.getLogger(__name__)
 
@@ -238,8 +238,7 @@ class _Reader:
         if count > len(joints):
             log.warning("%s: body %r is free to move, it is taken as fixed: bases stand still here", self.file, name)
         for joint in joints:
-            after = np.eye(4)
-            after[:3, 3] = -model.jnt_pos[joint]
+            after = pose(-model.jnt_pos[joint])
             last = joint == joints[-1] and not model.jnt_pos[joint].any()
             child = name if last else self._unused(f"{name}.{self.joints.names[joint]}")
             self.tree_joints.append(self.joints.joint(joint, parent, child, before))

@@ -12,7 +12,7 @@ import numpy as np
 from rr1plan.checks import Array, read_only
 from rr1plan.robot import Joint, Mimic
 from rr1plan.robot.mjcf_model import CompiledDocument
-from rr1plan.transforms import rotation_about
+from rr1plan.transforms import pose, rotation_about
 
 log = logging.getLogger(__name__)
 
@@ -99,7 +99,7 @@ class JointReader:
         axis = np.array(model.jnt_axis[index])
         # In MuJoCo, bodies have the poses of the file when a joint is at its reference value.
         zero = _motion(slides, axis, -float(model.qpos0[model.jnt_qposadr[index]]))
-        origin = before @ _translation(model.jnt_pos[index]) @ zero
+        origin = before @ pose(model.jnt_pos[index]) @ zero
         lower, upper = self._limits(index)
         if slides and not np.isfinite(upper - lower):
             log.warning(
@@ -251,12 +251,6 @@ class JointReader:
 def _smaller_side(lower: float, upper: float) -> float:
     """The largest effort available in both directions; inf if a range excludes one of them."""
     return min(-float(lower), float(upper)) if lower < 0.0 < upper else np.inf
-
-
-def _translation(xyz: Array) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = xyz
-    return T
 
 
 def _motion(slides: bool, axis: Array, value: float) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library, zeroed
 from rr1plan.model.kinematic_chain import turned_to
-from rr1plan.transforms import rotation_from_quaternion
+from rr1plan.transforms import pose, rotation_from_quaternion
 
 _SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
 
@@ -111,7 +111,7 @@ def _tree(model: mujoco.MjModel, joint: int) -> tuple[NDArray[np.int64], Array]:
     for body in _bodies(model, joint):
         carrier, T = frames.get(int(model.body_parentid[body]), (-1, np.eye(4)))
         if frames:
-            T = T @ _pose(model.body_pos[body], model.body_quat[body])
+            T = T @ pose(model.body_pos[body], quaternion=model.body_quat[body])
         if model.body_jntnum[body]:
             own = int(model.body_jntadr[body])
             turned = turned_to(model.jnt_axis[own])
@@ -130,16 +130,10 @@ def _tree(model: mujoco.MjModel, joint: int) -> tuple[NDArray[np.int64], Array]:
 def _mass_properties(model: mujoco.MjModel, body: int, T: Array) -> Array:
     """Mass, first moments and inertia of a body with pose T in a frame, about the frame's origin, shape (10,)."""
     mass = float(model.body_mass[body])
-    principal = T @ _pose(model.body_ipos[body], model.body_iquat[body])
+    principal = T @ pose(model.body_ipos[body], quaternion=model.body_iquat[body])
     R, c = principal[:3, :3], principal[:3, 3]
     inertia = R * model.body_inertia[body] @ R.T + mass * (c @ c * np.eye(3) - np.outer(c, c))
     return np.array([mass, *(mass * c), *np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]])
-
-
-def _pose(position: Array, quaternion: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation_from_quaternion(quaternion), position
-    return T
 
 
 def _servos(model: mujoco.MjModel, actuators: NDArray[np.int64]) -> Array:

@@ -18,7 +18,7 @@ from rr1plan.collision.collision_geometry import geometries_of, held_by_arm
 from rr1plan.collision.convex.convex_bodies import solid_pieces
 from rr1plan.robot import Geometry
 from rr1plan.scene import Arm, Obstacle, Scene
-from rr1plan.transforms import identity, inverse
+from rr1plan.transforms import identity, inverse, pose
 
 ARM = "arm"
 """The name of the arm in a template."""
@@ -104,19 +104,13 @@ def arm_templates(scene: Scene, distance: float) -> list[ArmTemplate]:
     for kind, own in parts.items():
         neighbors = dict(sorted(most[kind].items()))
         obstacles = {
-            f"{other}.{number} {part}": Obstacle(thing.geometries, _far_away())
+            f"{other}.{number} {part}": Obstacle(thing.geometries, pose([_FAR] * 3))
             for other, count in neighbors.items()
             for number in range(count)
             for part, thing in enumerate(parts[other])
         }
         templates.append(ArmTemplate(_alone(scene, first[kind]).with_obstacles(obstacles), own, neighbors))
     return templates
-
-
-def _far_away() -> Array:
-    T = identity().copy()
-    T[:3, 3] = _FAR
-    return T
 
 
 def _renamed(arm: str, name: str) -> str:
