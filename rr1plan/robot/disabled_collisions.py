@@ -28,30 +28,27 @@ _MOST_SAMPLES = 1_000_000
 
 def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
     """Pairs of links with a constant relative pose, which need no check."""
-    body: dict[str, list[str]] = {}
-    for joint in joints:
-        members = body.setdefault(joint.parent, [joint.parent])
-        if joint.kind == "fixed":
-            members.append(joint.child)
-            body[joint.child] = members
-        else:
-            body[joint.child] = [joint.child]
-    bodies = {id(members): members for members in body.values()}  # each list occurs once for each member
+    bodies = {id(members): members for members in _bodies(joints).values()}  # each list occurs once for each member
     return frozenset(frozenset(pair) for members in bodies.values() for pair in combinations(members, 2))
 
 
 def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
     """Pairs of links connected by a movable joint, including links fixed to either."""
-    bodies: dict[str, set[str]] = {}
+    bodies, moving = _bodies(joints), [joint for joint in joints if joint.kind != "fixed"]
+    return frozenset(frozenset((a, b)) for j in moving for a in bodies[j.parent] for b in bodies[j.child])
+
+
+def _bodies(joints: Sequence[Joint]) -> dict[str, list[str]]:
+    """For each link the links that are fixed to it, and itself, in a list that they share."""
+    bodies: dict[str, list[str]] = {}
     for joint in joints:
-        members = bodies.setdefault(joint.parent, {joint.parent})
+        members = bodies.setdefault(joint.parent, [joint.parent])
         if joint.kind == "fixed":
-            members.add(joint.child)
+            members.append(joint.child)
             bodies[joint.child] = members
         else:
-            bodies[joint.child] = {joint.child}
-    moving = [joint for joint in joints if joint.kind != "fixed"]
-    return frozenset(frozenset((a, b)) for j in moving for a in bodies[j.parent] for b in bodies[j.child])
+            bodies[joint.child] = [joint.child]
+    return bodies
 
 
 @dataclass(frozen=True, eq=False)
