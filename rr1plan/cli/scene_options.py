@@ -97,11 +97,7 @@ def chosen_query(scene: str, queries: Mapping[str, Problem], name: str | None) -
     """
     if not queries:
         raise InputError(f"scene {scene!r} has no queries; give a goal (option goal, option position)")
-    if name is None:
-        name = next(iter(queries))
-    elif name not in queries:
-        raise rp.UnknownNameError("query", name, queries)
-    return queries[name]
+    return queries[next(iter(queries)) if name is None else known_name("query", name, queries)]
 
 
 def page_options(options: Namespace) -> rp.ViewOptions | None:
