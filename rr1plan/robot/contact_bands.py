@@ -46,7 +46,7 @@ class ContactBand:
 
 
 def contact_bands(
-    robot: Robot, pairs: Collection[Pair], generator: np.random.Generator, bodies: LinkBodies | None = None
+    robot: Robot, pairs: Collection[Pair], generator: np.random.Generator, bodies: LinkBodies
 ) -> tuple[ContactBand, ...]:
     """Bands of contact that split the range of a joint, for pairs of links with at most three joints between them.
 
@@ -54,10 +54,10 @@ def contact_bands(
         robot: The robot; locked joints stay at their values.
         pairs: Pairs of links.
         generator: Generator of the values of the other joints.
-        bodies: The robot's links, if already built.
+        bodies: The robot's links.
     """
     lower, upper = sampling_bounds(robot)
-    search = _Search(robot, bodies or LinkBodies(robot), generator.uniform(lower, upper, (_OTHERS, robot.nq)))
+    search = _Search(robot, bodies, generator.uniform(lower, upper, (_OTHERS, robot.nq)))
     found: list[ContactBand] = []
     between = {pair: joints_between(robot, pair) for pair in sorted(pairs, key=sorted)}
     for j in range(robot.nq):
