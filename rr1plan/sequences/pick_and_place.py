@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -186,10 +187,4 @@ def _pose_of(goal: PoseGoal) -> Array:
 
 
 def _shifted(goal: PoseGoal, by: Array) -> PoseGoal:
-    return PoseGoal(
-        goal.frame,
-        goal.position + by,
-        goal.quaternion,
-        position_tolerance=goal.position_tolerance,
-        orientation_tolerance=goal.orientation_tolerance,
-    )
+    return replace(goal, position=goal.position + by)
