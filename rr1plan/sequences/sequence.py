@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from rr1plan.checks import Value, counted, items_of, known_name, of_kind, shown
 from rr1plan.errors import InputError
@@ -16,14 +16,13 @@ from rr1plan.sequences.segments import (
     Detach,
     FreeMotion,
     MoveGripper,
-    Pause,
     Segment,
     StraightLine,
 )
 from rr1plan.transforms import inverse, pose
 
 _MOST_SEGMENTS = 1000
-_KINDS = (FreeMotion, StraightLine, MoveGripper, Attach, Detach, Pause)
+_KINDS = get_args(Segment)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
