@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, Value, counted
-from rr1plan.playback.simulation.replay import Replay, ReplayContact, errors_in_words, largest_errors
+from rr1plan.playback.simulation.replay import TRACKED, Replay, ReplayContact, errors_in_words, largest_errors
 
 # Tolerance for an object at its planned position [m].
 NEAR = 0.01
-# Tolerance for a joint at its set-point [rad or m].
-_TRACKED = 0.01
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,7 +81,7 @@ class SequenceReplay(Value):
     @property
     def tracked(self) -> bool:
         """Whether no joint of an arm was farther than 0.01 rad (or m) from its set-point."""
-        return self.max_error <= _TRACKED
+        return self.max_error <= TRACKED
 
     def __bool__(self) -> bool:
         """Whether arms followed their motion without contact, and objects followed theirs."""

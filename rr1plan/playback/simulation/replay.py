@@ -13,7 +13,7 @@ from rr1plan.checks import Array, Value, counted, read_only
 from rr1plan.scene import Obstacle
 
 # An arm is tracked while no joint is farther than this from its set-point [rad or m].
-_TRACKED = 0.01
+TRACKED = 0.01
 
 
 def largest_errors(replay: Replay, joint_names: Sequence[str] | None = None) -> dict[str, tuple[str, float]]:
@@ -154,7 +154,7 @@ class Replay(Value):
     @property
     def tracked(self) -> bool:
         """Whether all joints stayed within 0.01 rad (or m) of their set-points; always so in a kinematic replay."""
-        return bool((self.max_error <= _TRACKED).all())
+        return bool((self.max_error <= TRACKED).all())
 
     def __bool__(self) -> bool:
         """Whether the arms followed their motion: `free` and `tracked`."""
@@ -176,16 +176,16 @@ class Replay(Value):
         if self.mode == "dynamic" and self.joint_names:
             lines.append(f"  tracking error: {self._worst(named=True)}")
             busiest = int(np.argmax(self.peak_effort))
-            saturated = ((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any()
+            saturated = ((self.peak_effort > 0.999) & ~(self.max_error <= TRACKED)).any()
             lines.append(
                 f"  effort: {100 * self.peak_effort[busiest]:.0f} % of the limit at most ({self.joint_names[busiest]})"
                 + ("; plan with option torque_limits, or with lower limits of acceleration" if saturated else "")
             )
         if not self.tracked:
-            lost = int((~(self.max_error <= _TRACKED)).sum())
+            lost = int((~(self.max_error <= TRACKED)).sum())
             lines.append(
                 f"  the motion was not followed: {counted(lost, 'joint')} of {len(self.joint_names)} more than "
-                f"{_TRACKED:g} {' or '.join(dict.fromkeys(self.units)) or 'rad or m'} from the set-point"
+                f"{TRACKED:g} {' or '.join(dict.fromkeys(self.units)) or 'rad or m'} from the set-point"
             )
         lines += [f"  {remark}" for remark in self.remarks]
         lines += [
