@@ -116,11 +116,8 @@ def _is_continuous(trajectory: Trajectory, derivative: int) -> bool:
 
 def _jumps(trajectory: Trajectory, derivative: int) -> Array:
     """Jumps of a derivative at inner breaks, shape (m - 1, nq), zero where they are rounding errors."""
-    powers = np.arange(trajectory.degree + 1)
-    rows = np.moveaxis(trajectory.coefficients, 1, 0)[derivative:]
-    for k in range(derivative):
-        rows = rows * (powers[derivative:] - k)[:, None, None]
-    if not len(rows) or len(trajectory.breaks) < 3:
+    rows = np.moveaxis(trajectory.derivative_coefficients(derivative), 1, 0)
+    if len(trajectory.breaks) < 3:
         return np.zeros((0, len(trajectory.joint_names)))
     steps = np.diff(trajectory.breaks)[:, None]
     ends = sum(row * steps**k for k, row in enumerate(rows))
