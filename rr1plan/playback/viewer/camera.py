@@ -214,9 +214,7 @@ def _configurations(
     for t in np.linspace(motion.breaks[0], motion.breaks[-1], _INSTANTS):
         q[columns] = motion(float(t))
         configurations.append(scene.split(q.copy()))
-    return configurations, [
-        name for name in scene.arms if any(joint.startswith(f"{name}/") for joint in motion.joint_names)
-    ]
+    return configurations, [name for name in scene.arms if name in motion.arms]
 
 
 def _link_boxes(robot: Robot) -> list[tuple[str, Array, Array]]:
