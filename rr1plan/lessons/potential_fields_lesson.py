@@ -116,8 +116,9 @@ class PotentialFieldsLesson(Lesson):
         axes.imshow(layer_image(space), origin="lower", extent=extent, interpolation="nearest", aspect="auto")
         shown = np.where(self.grid.free & np.isfinite(values), np.minimum(values, top), np.nan)
         centers = self.grid.centers()
-        axes.contourf(centers[:, 0, 1] * 0 + centers[:, 0, 0], centers[0, :, 1], shown.T, levels=14, cmap="cividis")
-        path = self._unwrapped(centers[tuple(cells.T)])
+        axes.contourf(centers[:, 0, 0], centers[0, :, 1], shown.T, levels=14, cmap="cividis")
+        path = centers[tuple(cells.T)]
+        path = np.where(self.grid.periodic, np.unwrap(path, axis=0), path)  # continues across the seams
         for piece in wrapped_pieces(path, space):
             axes.plot(*piece.T, color="white", lw=4.5)
             axes.plot(*piece.T, color=_PATH, lw=2.4)
@@ -128,12 +129,6 @@ class PotentialFieldsLesson(Lesson):
         axes.locator_params(nbins=5)
         for axis, name, turns in zip((axes.xaxis, axes.yaxis), space.joint_names, space.turns, strict=True):
             axis.set_label_text(f"{name} [{'rad' if turns else 'm'}]")
-
-    def _unwrapped(self, path: Array) -> Array:
-        """A path that continues across the seams instead of jumping."""
-        steps = np.diff(path, axis=0)
-        wrapped = (steps + np.pi) % (2.0 * np.pi) - np.pi
-        return np.vstack([path[:1], path[0] + np.cumsum(np.where(self.grid.periodic, wrapped, steps), axis=0)])
 
 
 def _default_query() -> Problem:
