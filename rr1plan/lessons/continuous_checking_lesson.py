@@ -9,7 +9,7 @@ import numpy as np
 from rr1plan.checks import Array, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.lessons.edge_intervals import EdgeInterval, halve_edge, sample_edge
+from rr1plan.lessons.edge_intervals import EdgeInterval, halve_edge, is_proven_free, sample_edge
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.mathml import math, sub
 from rr1plan.lessons.picture_panels import picture_panel
@@ -205,7 +205,7 @@ class ContinuousCheckingLesson(Lesson):
             _draw_box(axes, interval, most)
         axes.plot(s, curve, color=_INK, linewidth=2.4, label="distance", zorder=5)
         free = sum(i.verdict == "free" for i in intervals)
-        end = "the edge is free" if all(i.verdict in ("free", "halved") for i in intervals) else "the edge is not free"
+        end = "the edge is free" if is_proven_free(intervals) else "the edge is not free"
         axes.set_title(f"halving: {len(intervals)} distances, {free} intervals proven, {end}", loc="left")
         axes.set(xlabel="along the edge", ylabel="distance, motion bound [m]", xlim=(0, 1), ylim=(0, most))
         axes.spines[["top", "right"]].set_visible(False)
