@@ -758,7 +758,8 @@ def test_the_verdict_of_the_motion_is_whole_above_plots_and_the_card_of_edits(ca
     calm.ask("document.getElementById('description').textContent = 'A description in two lines. '.repeat(3)")
     calm.ask("RR1.editing.open(), RR1.plots.toggle()")
     frames(calm)
-    badge, head = calm.ask("[badge, headline].map((node) => node.getBoundingClientRect().bottom)")
+    bottom = "(id) => document.getElementById(id).getBoundingClientRect().bottom"
+    badge, head = calm.ask(f"['badge', 'headline'].map({bottom})")
     calm.ask("document.getElementById('description').textContent = RR1.document.description")
     assert badge < head
 
