@@ -52,8 +52,8 @@ class AgentPath:
     Args:
         agent: Its agent.
         path: The path of its arms.
-        checker: Certifies rounded corners against stationary objects; None for an estimate of the duration, with
-            corners as round as their edges allow.
+        checker: Certifies rounded corners against stationary objects; None for a path without corners, or for an
+            estimate of the duration, with corners as round as their edges allow.
 
     Attributes:
         curve: The rounded polyline, smooth except at `halts`.

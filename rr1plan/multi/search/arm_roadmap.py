@@ -62,7 +62,7 @@ class ArmRoadmap:
         key = begin, end
         if key not in self._moves:
             points = self.vertices[[begin, end] if begin != end else [begin]]
-            self._moves[key] = AgentPath(self.agent, Path(self.agent.joint_names, points), _Straight())
+            self._moves[key] = AgentPath(self.agent, Path(self.agent.joint_names, points), None)
             self._ends[self._moves[key]] = key
         return self._moves[key]
 
@@ -103,14 +103,6 @@ class ArmRoadmap:
             is_ramp = speed * speed >= length * acceleration
             durations = np.where(is_ramp, 2.0 * np.sqrt(length / acceleration), length / speed + speed / acceleration)
         return np.where(length == 0.0, 0.0, durations)
-
-
-class _Straight:
-    """The checker of a path without corners."""
-
-    def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
-        """Not called: there is nothing to round."""
-        return False
 
 
 def build_roadmap(
