@@ -555,11 +555,7 @@ def merged_trajectory(problem: Problem, schedules: list[Schedule]) -> Trajectory
 def _paths_by_arm(problem: Problem, schedules: list[Schedule]) -> dict[str, Path]:
     paths: dict[str, Path] = {}
     for schedule in schedules:
-        agent, names = schedule.path.agent, schedule.path.path.joint_names
-        first = 0
-        for arm in agent.arms:
-            count = problem.scene.arms[arm].robot.nq
-            columns = slice(first, first + count)
-            paths[arm] = Path(names[columns], schedule.path.path.waypoints[:, columns])
-            first += count
+        whole = schedule.path.path
+        for arm, columns in schedule.path.agent.columns.items():
+            paths[arm] = Path(whole.joint_names[columns], whole.waypoints[:, columns])
     return {arm: paths[arm] for arm in problem.arms}

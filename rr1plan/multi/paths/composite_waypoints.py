@@ -1,4 +1,4 @@
-"""Conversion between schedules of several agents and one composite path of all their arms."""
+"""Conversion of schedules of several agents to one composite path of all their arms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.schedule import Schedule
 
 # Instants closer than this are merged [s].
@@ -39,15 +38,3 @@ def composite_waypoints(schedules: Iterable[Schedule], agent: Agent) -> Array:
         columns.update(zip(motion.joint_names, values.T, strict=True))
     waypoints = np.column_stack([columns[name] for name in agent.joint_names])
     return waypoints if len(waypoints) > 1 else np.repeat(waypoints, 2, axis=0)
-
-
-def waypoints_of_arm(path: AgentPath, arm: str) -> Array:
-    """The polyline of one arm in the path of an agent, shape (n, nq).
-
-    Args:
-        path: The path.
-        arm: One of the agent's arms.
-    """
-    robot_columns = {name: i for i, name in enumerate(path.agent.joint_names)}
-    names = path.agent.problem.scene.joint_names((arm,))
-    return np.asarray(path.path.waypoints[:, [robot_columns[name] for name in names]])

@@ -20,7 +20,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.paths.composite_waypoints import composite_waypoints, waypoints_of_arm
+from rr1plan.multi.paths.composite_waypoints import composite_waypoints
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
@@ -313,11 +313,10 @@ class PlanImprover:
         if not together:
             return self._change_path()
         whole, makespan = together[int(self._rng.integers(len(together)))], self._cost()[0]
-        margin = self.plan.margin_of(whole)
+        margin, points = self.plan.margin_of(whole), self.plan.schedules[whole].path.path.waypoints
         parts = []
-        for arm in whole.arms:
-            part = self.plan.agent_of([arm])
-            waypoints = waypoints_of_arm(self.plan.schedules[whole].path, arm)
+        for arm, columns in whole.columns.items():
+            part, waypoints = self.plan.agent_of([arm]), points[:, columns]
             for shortcuts in (0, _SHORTCUTS):
                 made = self._certified(part, waypoints, shortcuts, min(margin, self.plan.margin_of(part)))
                 if made is not None:
