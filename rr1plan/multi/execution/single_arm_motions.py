@@ -22,6 +22,7 @@ from rr1plan.multi.timing.safe_intervals import BlockedTimes, earliest_schedule
 from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.object_cache import kept_in
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
+from rr1plan.retiming.timed_pieces import Pieces, concatenate
 from rr1plan.scene.problem import GoalLike
 from rr1plan.trajectory import Trajectory
 
@@ -245,8 +246,5 @@ def joined(one: Trajectory, two: Trajectory) -> Trajectory:
         return two
     if two.duration == 0.0:
         return one
-    terms, pieces = max(one.coefficients.shape[1], two.coefficients.shape[1]), len(one.coefficients)
-    coefficients = np.zeros((pieces + len(two.coefficients), terms, len(one.joint_names)))
-    coefficients[:pieces, : one.coefficients.shape[1]] = one.coefficients
-    coefficients[pieces:, : two.coefficients.shape[1]] = two.coefficients
-    return Trajectory(one.joint_names, np.concatenate([one.breaks, two.breaks[1:]]), coefficients)
+    pieces = concatenate([Pieces(np.diff(motion.breaks), motion.coefficients) for motion in (one, two)])
+    return Trajectory(one.joint_names, np.concatenate([one.breaks, two.breaks[1:]]), pieces.coefficients)

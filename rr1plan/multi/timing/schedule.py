@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.coordination import Blocked
-from rr1plan.retiming.timed_pieces import SHORTEST, Pieces
+from rr1plan.retiming.timed_pieces import SHORTEST, Pieces, concatenate
 from rr1plan.trajectory import Trajectory
 
 
@@ -139,28 +139,16 @@ class Schedule:
     def trajectory(self) -> Trajectory:
         """The motion on the clock of the schedule."""
         names = self.path.agent.joint_names
-        durations, parts, now = [], [], 0.0
+        parts: list[Pieces] = []
+        now = 0.0
         for leg in self.legs:
             if leg.departure - now > SHORTEST:
-                durations.append(np.array([leg.departure - now]))
-                parts.append(self.path.at(leg.begin)[None, None])
-            pieces = self.path.hop(leg.begin, leg.end)
-            durations.append(pieces.durations)
-            parts.append(pieces.coefficients)
-            now = leg.departure + pieces.duration
+                parts.append(Pieces(np.array([leg.departure - now]), self.path.at(leg.begin)[None, None]))
+            parts.append(self.path.hop(leg.begin, leg.end))
+            now = leg.departure + parts[-1].duration
         if not parts:
             return Trajectory.rest(names, self.path.at(0))
-        return _joined(names, Pieces(np.concatenate(durations), _padded(parts)))
-
-
-def _padded(parts: list[Array]) -> Array:
-    terms = max(part.shape[1] for part in parts)
-    out = np.zeros((sum(len(part) for part in parts), terms, parts[0].shape[2]))
-    row = 0
-    for part in parts:
-        out[row : row + len(part), : part.shape[1]] = part
-        row += len(part)
-    return out
+        return _joined(names, concatenate(parts))
 
 
 def _joined(names: tuple[str, ...], pieces: Pieces) -> Trajectory:
