@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rr1plan.checks import Array, Value, finite_array, read_only
 from rr1plan.errors import InputError
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.timing.schedule import Leg, Schedule
+from rr1plan.multi.timing.schedule import Leg, Schedule, gridpoints_of, segments_of
 from rr1plan.path import check_joint_names
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
@@ -155,11 +155,7 @@ def _indices(name: str, values: ArrayLike, size: int) -> NDArray[np.int64]:
 
 def passed_gridpoints(schedule: Schedule) -> NDArray[np.int64]:
     """The gridpoints of a path in the order in which a schedule passes them, shape (m + 1,)."""
-    passed = [0]
-    for leg in schedule.legs:
-        step = 1 if leg.end > leg.begin else -1
-        passed += range(leg.begin + step, leg.end + step, step)
-    return np.array(passed)
+    return np.concatenate([[0], *(gridpoints_of(leg)[1:] for leg in schedule.legs)])
 
 
 def route_of(schedule: Schedule) -> Route:
@@ -196,13 +192,12 @@ def route_of(schedule: Schedule) -> Route:
 
 def _unrolled(path: AgentPath, leg: Leg) -> tuple[Curve, Grid]:
     """Pieces and segments of one leg, in the order in which they are passed."""
-    forward = leg.end > leg.begin
-    at = np.arange(leg.begin, leg.end) if forward else np.arange(leg.begin - 1, leg.end - 1, -1)
+    at = segments_of(leg)
     piece, offset, delta = path.grid.piece[at], path.grid.offset[at], path.grid.delta[at]
     first = int(piece.min())
     part = slice(first, int(piece.max()) + 1)
     lengths, c = path.curve.lengths[part], path.curve.coefficients[part]
-    if forward:
+    if leg.end > leg.begin:
         return Curve(lengths, c, (0, 0)), Grid(piece - first, offset, delta)
     whole = lengths[:, None]
     turned = np.stack(

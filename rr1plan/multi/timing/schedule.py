@@ -30,6 +30,18 @@ class Leg(NamedTuple):
     end: int
 
 
+def gridpoints_of(leg: Leg) -> NDArray[np.int64]:
+    """The gridpoints of a leg in order, from its begin to its end, shape (n,)."""
+    step = 1 if leg.end > leg.begin else -1
+    return np.arange(leg.begin, leg.end + step, step)
+
+
+def segments_of(leg: Leg) -> NDArray[np.int64]:
+    """The segments of a leg in order, each named by its lower gridpoint, shape (n - 1,)."""
+    gridpoints = gridpoints_of(leg)
+    return np.minimum(gridpoints[1:], gridpoints[:-1])
+
+
 class Occupancy(NamedTuple):
     """Rows of extended diagrams that an agent occupies in order, each from the end of the previous one.
 
@@ -114,9 +126,7 @@ class Schedule:
         moving, arrival = np.zeros(len(self.arms)), np.zeros(len(self.arms))
         lengths = self.path.lengths_of_arms
         for leg in self.legs:
-            step = 1 if leg.end > leg.begin else -1
-            gridpoints = np.arange(leg.begin, leg.end + step, step)
-            moves, times = np.diff(lengths[:, gridpoints], axis=1) != 0.0, self.instants(leg)
+            moves, times = np.diff(lengths[:, gridpoints_of(leg)], axis=1) != 0.0, self.instants(leg)
             moving += moves @ np.diff(times)
             arrival = np.maximum(arrival, np.where(moves, times[1:], 0.0).max(axis=1))
         # The sum of the moves is rounded differently.
@@ -125,12 +135,10 @@ class Schedule:
     @cached_property
     def occupancy(self) -> Occupancy:
         """The rows of extended diagrams that it occupies, with times."""
-        rows, enter, now = [np.array([0])], [np.array([-np.inf])], 0
+        rows, enter = [np.array([0])], [np.array([-np.inf])]
         for leg in self.legs:
             times = self.instants(leg)
-            segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
-            now = leg.end
-            rows += [segments + 1, np.array([rest_row(self.path, now)])]
+            rows += [segments_of(leg) + 1, np.array([rest_row(self.path, leg.end)])]
             enter += [times[:-1], times[-1:]]
         # The end of a leg and the departure of the next one are rounded differently.
         all_enter = np.maximum.accumulate(np.concatenate(enter))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.multi.timing.coordination import Blocked
 from rr1plan.multi.timing.passing_order import agreed_diagram
-from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, rest_row
+from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, gridpoints_of, rest_row, segments_of
 from rr1plan.planning import Wait
 
 # Advances by which an earlier leg is tested for conflicts: at least this [s], or shares of the wait.
@@ -127,8 +127,7 @@ def _in_the_way(
 def _occupancy(schedule: Schedule, leg: Leg, departure: float, following: Leg | None) -> Occupancy:
     """The rows that an agent occupies from a departure until it would leave the stop after that leg."""
     times = schedule.instants(leg) + (departure - leg.departure)
-    segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
-    rows = np.append(segments + 1, rest_row(schedule.path, leg.end))
+    rows = np.append(segments_of(leg) + 1, rest_row(schedule.path, leg.end))
     return Occupancy(rows, times, np.append(times[1:], np.inf if following is None else following.departure))
 
 
@@ -144,8 +143,7 @@ def _track(schedule: Schedule) -> tuple[Array, Array]:
     """Times and gridpoints of an agent."""
     times, places, now = [np.zeros(1)], [np.zeros(1)], 0.0
     for leg in schedule.legs:
-        step = 1 if leg.end > leg.begin else -1
-        gridpoints = np.arange(leg.begin, leg.end + step, step, dtype=np.float64)
+        gridpoints = gridpoints_of(leg).astype(np.float64)
         if leg.departure > now:
             times.append(np.array([leg.departure]))
             places.append(gridpoints[:1])
