@@ -252,9 +252,7 @@ class _MovingPairs:
         self._owner = pairs.owner
         self._arms, breaks, coefficients, slices = _arm_rows(whole, is_own, motions)
         self._own = np.flatnonzero(is_own)
-        columns = int(self._arms[self._own, 3].sum())
         own_terms = max(2, *(len(t.coefficients[0]) for t in motions.values()))
-        self._line = np.zeros(2), np.zeros((1, 2, columns))
         exact = exact_struct(pairs.tables, whole.nq)
         self._scene = CStruct(
             "TimedScene",
