@@ -130,16 +130,16 @@ def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Co
     kept: dict[tuple[Any, ...], tuple[Contact, ...]] = geometry.kept.setdefault("own contacts", {})
     # What a held object may touch is a rule, not a part of the geometry.
     key = (arm.q.tobytes(), scene.padding, *(thing.touch for thing in held.values()))
-    if key not in kept:
-        if len(kept) >= _MOST_KEPT:
-            kept.clear()
+
+    def make() -> tuple[Contact, ...]:
         alone = Scene({name: Arm(arm.robot, identity(), arm.q)}, {}, held, padding=scene.padding)
-        kept[key] = tuple(
+        return tuple(
             Contact(_local(c.a, name), _local(c.b, name), c.depth, c.point)
             for c in _contacts_between(alone, (name,), {name: geometry})
         )
+
     R, t = arm.base[:3, :3], arm.base[:3, 3]
-    for c in kept[key]:
+    for c in kept_in(kept, key, make, _MOST_KEPT):
         yield Contact(_in_arm(c.a, name), _in_arm(c.b, name), c.depth, read_only(R @ c.point + t))
 
 
