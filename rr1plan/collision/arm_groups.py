@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-import numpy as np
-
 from rr1plan.collision.collision_geometry import geometries_of
-from rr1plan.collision.reach_broad_phase import bases_of, near_balls, placed_balls, reach_ball
+from rr1plan.collision.reach_broad_phase import near_balls, reach_balls
 from rr1plan.scene import Scene
 
 
@@ -20,9 +18,8 @@ def arms_in_reach(scene: Scene, arms: Iterable[str], margin: float) -> dict[str,
         margin: Distance to keep beyond the padding [m].
     """
     names = tuple(arms)
-    geometries = geometries_of(scene)
     padding = max((scene.padding, *scene.pair_padding.values())) + margin
-    balls = placed_balls(np.array([reach_ball(geometries[a]) for a in names]).reshape(-1, 4), bases_of(scene, names))
+    balls = reach_balls(scene, geometries_of(scene), names)
     near: dict[str, set[str]] = {name: set() for name in names}
     for i, j in near_balls(balls, padding).tolist():
         near[names[i]].add(names[j])

@@ -60,7 +60,7 @@ def find_near(
     if len(scene.arms) == 1 and len(scene.obstacles) <= FEW_OBSTACLES:
         return Near((), tuple(scene.obstacles), None, np.inf)
     others = [name for name in scene.arms if name not in set(arms)]
-    balls = placed_balls(np.array([reach_ball(geometries[a]) for a in arms]).reshape(-1, 4), bases_of(scene, arms))
+    balls = reach_balls(scene, geometries, arms)
     still = stationary_balls(scene, geometries, others)
     names = list(scene.obstacles)
     everyone = [*arms, *others, *names]
@@ -82,6 +82,12 @@ def find_near(
             frozenset((arms[i], everyone[j])) for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
         )
     return Near(near_arms, near_obstacles, near_pairs, least_gap)
+
+
+def reach_balls(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: Sequence[str]) -> Array:
+    """Balls that contain arms in every configuration: center and radius [m], shape (n, 4); see `reach_ball`."""
+    own = [reach_ball(geometries[name]) for name in arms]
+    return placed_balls(np.array(own).reshape(-1, 4), bases_of(scene, arms))
 
 
 def stationary_balls(scene: Scene, geometries: Mapping[str, ArmGeometry], arms: Sequence[str]) -> Array:

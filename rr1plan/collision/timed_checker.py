@@ -20,7 +20,7 @@ from rr1plan.collision.arm_geometry import ArmInstances
 from rr1plan.collision.checker import CollisionChecker, shifted_polynomial
 from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.edge_kernel import FREE
-from rr1plan.collision.reach_broad_phase import ball_gaps, bases_of, placed_balls, reach_ball
+from rr1plan.collision.reach_broad_phase import ball_gaps, reach_balls
 from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.collision.tables.timed_tables import TimedPairs, build_timed_pairs
 from rr1plan.errors import InputError
@@ -367,11 +367,8 @@ def _arm_rows(
 def _near_arms(scene: Scene, arms: tuple[str, ...], others: tuple[str, ...], distance: float) -> tuple[str, ...]:
     """The other arms that can come within a distance of the arms in any configuration."""
     geometries = geometries_of(scene)
-    one, two = (
-        placed_balls(np.array([reach_ball(geometries[a]) for a in names]).reshape(-1, 4), bases_of(scene, names))
-        for names in (arms, others)
-    )
-    is_near: NDArray[np.bool_] = np.any(ball_gaps(one, two) <= distance, axis=0)
+    gaps = ball_gaps(reach_balls(scene, geometries, arms), reach_balls(scene, geometries, others))
+    is_near: NDArray[np.bool_] = np.any(gaps <= distance, axis=0)
     return tuple(name for name, near in zip(others, is_near.tolist(), strict=True) if near)
 
 
