@@ -25,7 +25,7 @@ from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, Solid, arm
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import find_near, gaps_between, placed_balls, solid_reach
 from rr1plan.errors import InputError
-from rr1plan.kernels.planner_kernels import constants, load_library
+from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
@@ -66,8 +66,6 @@ class CollisionGeometry:
             standing = [stationary_arm_geometry(name, geometry, arm.base, arm.q) for name, geometry, arm in still]
             obstacles = ObstacleGeometry.joined([*standing, obstacles])
         self.obstacles = obstacles
-        # Half-spaces, point clouds and concave meshes are the last kinds.
-        surfaceless = obstacles.kinds >= constants()["BODY_HALF_SPACE"]
         names = {*arms, *near.arms}
         layout = _large_layout if len(arms) > _MANY else _layout
         self.instances, self.rules, self.pairs, least_gap = layout(
@@ -79,7 +77,7 @@ class CollisionGeometry:
             scene.allowed,
             near.near_pairs,
             tuple(obstacles.elements),
-            surfaceless.tobytes(),
+            obstacles.surfaceless.tobytes(),
             distance,
         )
         self.least_gap = min(near.least_gap, least_gap)

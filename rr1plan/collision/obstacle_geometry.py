@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, pieces_of
-from rr1plan.collision.convex.convex_bodies import is_surfaceless, obstacle_pieces
+from rr1plan.collision.convex.convex_bodies import obstacle_pieces
 from rr1plan.collision.tables.arm_tables import arm_tables
 from rr1plan.collision.tables.body_tables import shape_size
-from rr1plan.kernels.planner_kernels import SOURCES
+from rr1plan.kernels.planner_kernels import SOURCES, constants
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Mesh, PointCloud, Shape
@@ -74,9 +74,9 @@ class ObstacleGeometry:
         return np.frombuffer(self.sizes, np.int64)[::_SIZE_NUMBERS]
 
     @property
-    def surfaceless(self) -> list[bool]:
-        """Which of the solids are half-spaces, point clouds or concave meshes."""
-        return [is_surfaceless(shape) for shape in self.shapes]
+    def surfaceless(self) -> NDArray[np.bool_]:
+        """Which of the solids are half-spaces, point clouds or concave meshes, the last kinds, shape (n,)."""
+        return np.asarray(self.kinds >= constants()["BODY_HALF_SPACE"])
 
     @property
     def solids(self) -> tuple[Solid, ...]:

@@ -159,7 +159,7 @@ def build_fixed_tables(objects: ObstacleGeometry, pairs: _INTS, padding: Array) 
         pairs: Pairs of their solids, numbered object after object [index], shape (m, 2).
         padding: Distance to keep for each [m], shape (m,).
     """
-    surfaceless = np.array(objects.surfaceless, np.bool_)[pairs]
+    surfaceless = objects.surfaceless[pairs]
     if surfaceless.all(axis=1).any():
         return None
     turned = np.where(surfaceless[:, :1], pairs[:, ::-1], pairs)
