@@ -7,6 +7,7 @@ The forward and backward passes are compiled (`parameterize.c`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,24 @@ class Grid(NamedTuple):
         s = (self.offset + at * self.delta)[:, None]
         c = curve.coefficients[self.piece]
         return np.asarray(c[:, 0] + s * (c[:, 1] + s * c[:, 2]))
+
+
+NO_INTERVALS = Grid(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+"""The grid of a curve without pieces."""
+
+
+def joined(parts: Sequence[tuple[Curve, Grid]]) -> tuple[Curve, Grid]:
+    """Curves with their grids, one after the other, as one; its `corners` have no meaning.
+
+    Args:
+        parts: The curves and grids, at least one.
+    """
+    curves, grids = zip(*parts, strict=True)
+    before = np.cumsum([0, *(len(curve.lengths) for curve in curves)])
+    moved = [grid._replace(piece=grid.piece + first) for grid, first in zip(grids, before, strict=False)]
+    lengths = np.concatenate([curve.lengths for curve in curves])
+    coefficients = np.concatenate([curve.coefficients for curve in curves])
+    return Curve(lengths, coefficients, (0, 0)), Grid(*map(np.concatenate, zip(*moved, strict=True)))
 
 
 def make_grid(curve: Curve, limits: Limits, longest: Array) -> Grid:

@@ -18,7 +18,7 @@ from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.schedule import Leg, Schedule, gridpoints_of, segments_of
 from rr1plan.path import check_joint_names
 from rr1plan.retiming.path_blends import Curve
-from rr1plan.retiming.path_speed import Grid
+from rr1plan.retiming.path_speed import NO_INTERVALS, Grid, joined
 
 # Consecutive segments meet up to rounding [rad or m].
 _SAME_PLACE = 1e-6
@@ -161,18 +161,8 @@ def passed_gridpoints(schedule: Schedule) -> NDArray[np.int64]:
 def route_of(schedule: Schedule) -> Route:
     """The route of an agent with a schedule."""
     path = schedule.path
-    nq = len(path.start)
-    lengths, coefficients = [np.zeros(0)], [np.zeros((0, 3, nq))]
-    pieces, offsets, deltas = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0)]
-    begins, ends, now, before = [0], [0], 0, 0
+    begins, ends, now = [0], [0], 0
     for leg in schedule.legs:
-        curve, grid = _unrolled(path, leg)
-        lengths.append(curve.lengths)
-        coefficients.append(curve.coefficients)
-        pieces.append(grid.piece + before)
-        offsets.append(grid.offset)
-        deltas.append(grid.delta)
-        before += len(curve.lengths)
         count = abs(leg.end - leg.begin)
         begins += [*range(now, now + count), now + count]
         ends += [*range(now + 1, now + count + 1), now + count]
@@ -180,11 +170,11 @@ def route_of(schedule: Schedule) -> Route:
     passed = passed_gridpoints(schedule)
     turns, last = np.diff(passed), len(passed) - 1
     stops = [k for k in range(1, last + 1) if k == last or turns[k - 1] != turns[k] or passed[k] in path.halts]
+    nothing = Curve(np.zeros(0), np.zeros((0, 3, len(path.start))), (0, 0)), NO_INTERVALS
     return Route(
         path.agent.joint_names,
         path.start,
-        Curve(np.concatenate(lengths), np.concatenate(coefficients), (0, 0)),
-        Grid(np.concatenate(pieces), np.concatenate(offsets), np.concatenate(deltas)),
+        *joined([nothing, *(_unrolled(path, leg) for leg in schedule.legs)]),
         tuple(stops),
         RouteSteps(np.array(begins), np.array(ends), schedule.occupancy.enter),
     )

@@ -15,7 +15,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.multi.execution.route import Route
-from rr1plan.retiming.path_speed import Grid, fastest_speeds, timed
+from rr1plan.retiming.path_speed import NO_INTERVALS, Grid, fastest_speeds, timed
 from rr1plan.retiming.timed_pieces import SHORTEST, Pieces, concatenate
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.trajectory import Trajectory
@@ -73,9 +73,6 @@ class _Profile:
     gridpoint: list[int]
 
 
-_NOTHING = Grid(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
-
-
 class RouteMotion:
     """An agent on its route.
 
@@ -96,7 +93,7 @@ class RouteMotion:
         self.segment, self.limit = 0, 0
         self._share, self._x = 0.0, 0.0  # distance along the segment [rad], and squared speed
         self._hold = -math.inf
-        self._profile = _Profile(_NOTHING, np.zeros(1), np.array([now]), [])
+        self._profile = _Profile(NO_INTERVALS, np.zeros(1), np.array([now]), [])
         self._done: list[_Moved] = []
         self._passed = np.full(route.segments + 1, np.inf)
         self._left = np.full(route.segments + 1, np.inf)
@@ -204,13 +201,9 @@ class RouteMotion:
             gridpoints += marks
             station, share, first = end, 0.0, 0.0
         if not grids:
-            self._profile = _Profile(_NOTHING, np.zeros(1), np.array([begin]), [])
+            self._profile = _Profile(NO_INTERVALS, np.zeros(1), np.array([begin]), [])
             return
-        grid = Grid(
-            np.concatenate([part.piece for part in grids]),
-            np.concatenate([part.offset for part in grids]),
-            np.concatenate([part.delta for part in grids]),
-        )
+        grid = Grid(*map(np.concatenate, zip(*grids, strict=True)))
         x = np.append(np.concatenate(speeds), 0.0)
         durations = 2.0 * grid.delta / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))
         self._profile = _Profile(grid, x, begin + np.concatenate([[0.0], np.cumsum(durations)]), gridpoints)

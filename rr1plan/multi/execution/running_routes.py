@@ -27,7 +27,7 @@ from rr1plan.multi.timing.passing_order import (
 from rr1plan.multi.timing.schedule import Occupancy
 from rr1plan.progress import step_callback
 from rr1plan.retiming.path_blends import Curve
-from rr1plan.retiming.path_speed import Grid
+from rr1plan.retiming.path_speed import Grid, joined
 
 
 @dataclass(frozen=True)
@@ -84,31 +84,26 @@ def running_route(parts: Sequence[Part]) -> RunningRoute:
     Args:
         parts: All its parts, from the beginning of the plan on.
     """
-    lengths, coefficients = [np.zeros(0)], [np.zeros((0, *parts[0].route.curve.coefficients.shape[1:]))]
-    grids: list[Grid] = []
+    curves: list[tuple[Curve, Grid]] = []
     stops: list[int] = []
     begins, times, is_rest = [np.zeros(1, np.int64)], [np.array([-np.inf])], [np.array([True])]
-    first_steps, pieces, gridpoints = [0], 0, 0
+    first_steps, gridpoints = [0], 0
     for part in parts:
         route, passed = part.route, part.passed_steps
         steps, last = route.steps, int(route.steps.ends[passed - 1])
-        piece, offset, delta = route.grid
-        grids.append(Grid(piece[:last] + pieces, offset[:last], delta[:last]))
-        lengths.append(route.curve.lengths)
-        coefficients.append(route.curve.coefficients)
+        curves.append((route.curve, route.grid.part(0, last)))
         stops += [gridpoints + k for k in (*(k for k in route.stops if k < last), *([last] if last else []))]
         begins.append(steps.begins[1:passed] + gridpoints)
         times.append(np.minimum(steps.times[1:passed], part.end))  # the part may end earlier by rounding
         is_rest.append(steps.is_rest[1:passed])
         first_steps.append(first_steps[-1] + passed - 1)
-        pieces, gridpoints = pieces + len(route.curve.lengths), gridpoints + last
+        gridpoints += last
     begin, rest = np.concatenate(begins), np.concatenate(is_rest)
     first = parts[0].route
     whole = Route(
         first.joint_names,
         first.start,
-        Curve(np.concatenate(lengths), np.concatenate(coefficients), (0, 0)),
-        Grid(*(np.concatenate([grid[k] for grid in grids]) for k in range(3))),
+        *joined(curves),
         tuple(stops),
         RouteSteps(begin, begin + ~rest, np.concatenate(times)),
     )

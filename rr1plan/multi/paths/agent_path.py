@@ -22,7 +22,7 @@ from rr1plan.multi.paths.placed_path import NEVER, placed_configurations, placed
 from rr1plan.object_cache import kept_in
 from rr1plan.path import Path
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
-from rr1plan.retiming.path_speed import Grid, fastest_speeds, hop_times, timed
+from rr1plan.retiming.path_speed import NO_INTERVALS, Grid, fastest_speeds, hop_times, joined, timed
 from rr1plan.retiming.timed_pieces import Pieces, concatenate
 from rr1plan.retiming.torque_limits import check_gravity, torque_stretch
 
@@ -76,7 +76,7 @@ class AgentPath:
         nq = points.shape[1]
         if len(points) == 1:
             self.curve = Curve(np.zeros(0), np.zeros((0, 3, nq)), (0, 0))
-            self.grid = Grid(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+            self.grid = NO_INTERVALS
             self.halts: tuple[int, ...] = ()
             self.segments = 0
             return
@@ -108,13 +108,7 @@ class AgentPath:
         chain._limits_jerk, chain._stretches = paths[0]._limits_jerk, {}
         chain._lines, chain._limited_times = {}, {}
         chain.start, chain.goal = paths[0].start, paths[-1].goal
-        lengths = np.concatenate([part.curve.lengths for part in paths])
-        coefficients = np.concatenate([part.curve.coefficients for part in paths])
-        chain.curve = Curve(lengths, coefficients, (0, len(waypoints) - 1))
-        pieces = np.cumsum([0, *(len(part.curve.lengths) for part in paths)])
-        piece = np.concatenate([part.grid.piece + first for part, first in zip(paths, pieces, strict=False)])
-        offset, delta = (np.concatenate([part.grid[k] for part in paths]) for k in (1, 2))
-        chain.grid = Grid(piece, offset, delta)
+        chain.curve, chain.grid = joined([(part.curve, part.grid) for part in paths])
         joints = np.cumsum([0, *(part.segments for part in paths)]).tolist()
         inner = [first + halt for part, first in zip(paths, joints, strict=False) for halt in part.halts]
         chain.segments = joints[-1]
