@@ -260,8 +260,7 @@ class AgentPath:
     def _between(self, begin: int, end: int) -> Pieces:
         if self._limits_jerk:
             return self._line(begin, end)
-        piece, offset, delta = self.grid
-        grid = Grid(piece[begin:end], offset[begin:end], delta[begin:end])
+        grid = self.grid.part(begin, end)
         if end - begin == 1:
             half = 0.5 * grid.delta[0]
             grid = Grid(grid.piece.repeat(2), grid.offset[0] + np.array([0.0, half]), np.array([half, half]))
