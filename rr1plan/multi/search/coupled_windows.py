@@ -211,7 +211,7 @@ class CoupledWindows:
             # Tracks may be in contact at the end of a window, such as where one passes an arm that has arrived.
             if not (checker.edge_is_free(ends[0], ends[0]) and checker.edge_is_free(ends[1], ends[1])):
                 return None
-            budget = Budget(max(self._watch.left, 1e-3), iterations)
+            budget = Budget(self._watch.time_left, iterations)
             result = RrtConnect().plan(query, budget=budget, rng=self._rng, progress=self._watch.let_planner_go_on)
             if result.path is None:
                 return None
