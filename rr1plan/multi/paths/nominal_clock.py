@@ -28,7 +28,10 @@ class Track(NamedTuple):
 
     def at(self, times: Array) -> Array:
         """Configurations at some instants, shape (k, nq)."""
-        return np.asarray(np.column_stack([np.interp(times, self.times, column) for column in self.points.T]))
+        points = np.empty((len(times), self.points.shape[1]))
+        for row, column in zip(points.T, self.points.T, strict=True):
+            row[:] = np.interp(times, self.times, column)
+        return points
 
 
 def nominal_velocity(limits: Limits) -> Array:
