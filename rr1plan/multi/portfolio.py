@@ -492,7 +492,7 @@ class _GroupSearch:
                 groups.append(group)
                 continue
             pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
-            self.diagrams.prepare(pairs, processors(), self._watch)
+            self.diagrams.prepare(pairs, processors())
             groups += meeting_groups(own, self._near, self.diagrams, exactly=True, watch=self._watch)
         return groups
 

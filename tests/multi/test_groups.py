@@ -88,7 +88,7 @@ def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, Pat
     paths = [pool.paths[0] for pool in pools.values()]
     pairs = list(combinations(paths, 2))
     alone, threaded = DiagramCache(), DiagramCache()
-    threaded.prepare(pairs * 2, 3, Stopwatch(math.inf))
+    threaded.prepare(pairs * 2, 3)
     met = 0
     for one, two in pairs:
         expected, found = alone.diagram(one, two), threaded.diagram(one, two)
@@ -103,10 +103,11 @@ def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, Pat
 
 def test_what_is_not_looked_at_in_time_counts_as_meeting(grid: rp.Problem, pools: dict[str, PathPool]) -> None:
     paths = {arm: pool.paths[0] for arm, pool in pools.items()}
-    near, diagrams, late = arms_in_reach(grid.scene, grid.arms, 0.002), DiagramCache(), Stopwatch(0.0)
+    near, late = arms_in_reach(grid.scene, grid.arms, 0.002), Stopwatch(0.0)
+    diagrams = DiagramCache(watch=late)
     groups = meeting_groups(paths, near, diagrams, exactly=True, watch=late)
     assert sorted(groups) == sorted(interaction_groups(near))
-    diagrams.prepare(list(combinations(paths.values(), 2)), 3, late)
+    diagrams.prepare(list(combinations(paths.values(), 2)), 3)
     assert len(diagrams) == 0
 
 

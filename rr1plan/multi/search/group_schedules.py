@@ -238,7 +238,7 @@ class GroupSchedules(AgentSchedules):
         began = time.perf_counter()
         paths = {arm: pool.paths[0] for pool in self.pools.values() for arm in pool.agent.arms}
         pairs = [(paths[a], paths[b]) for a, b in combinations(paths, 2) if b in self.near[a]]
-        self.diagrams.prepare([both for both in dict.fromkeys(pairs) if both[0] is not both[1]], threads, self.watch)
+        self.diagrams.prepare([both for both in dict.fromkeys(pairs) if both[0] is not both[1]], threads)
         self.statistics.add_time("diagrams", began)
 
     def why_unscheduled(self) -> str:

@@ -27,7 +27,8 @@ class DiagramCache:
     """
 
     def __init__(self, largest: float = MARGINS[0], watch: Stopwatch | None = None) -> None:
-        self._stop = (watch or Stopwatch(np.inf)).stop
+        self._watch = watch or Stopwatch(np.inf)
+        self._stop = self._watch.stop
         self._sizes = (*margins_up_to(largest), 0.0)
         self._margins: dict[tuple[Agent, Agent, bytes, bytes], float] = {}
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
@@ -102,18 +103,17 @@ class DiagramCache:
         kept = set(paths)
         self._diagrams = {both: found for both, found in self._diagrams.items() if kept.issuperset(both)}
 
-    def prepare(self, pairs: Iterable[tuple[AgentPath, AgentPath]], threads: int, watch: Stopwatch) -> None:
-        """Compute diagrams that will be needed.
+    def prepare(self, pairs: Iterable[tuple[AgentPath, AgentPath]], threads: int) -> None:
+        """Compute diagrams that will be needed, while time is left.
 
         Args:
             pairs: Pairs of paths.
             threads: Number of threads.
-            watch: Deadline.
         """
         if threads < 2:
             return
         unknown = [both for both in pairs if both not in self._diagrams]
-        missing = [both for both in unknown if watch.goes_on() and self.may_touch(*both)]
+        missing = [both for both in unknown if self._watch.goes_on() and self.may_touch(*both)]
         if len(missing) < _FEWEST:
             return
-        in_parallel(lambda both: watch.goes_on() and self.diagram(*both), missing, threads, watch)
+        in_parallel(lambda both: self._watch.goes_on() and self.diagram(*both), missing, threads, self._watch)
