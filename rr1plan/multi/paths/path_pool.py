@@ -128,18 +128,17 @@ class PathPool:
                 shorter.append(points + (shorter[-1][-1] - points[0]) if shorter else points)
         return np.concatenate(shorter)
 
-    def add_shortened(self, parts: Sequence[Path], query: Problem | None = None) -> AgentPath:
-        """Shorten a certified path, round its corners, and add it.
+    def add_shortened(self, path: Path) -> AgentPath:
+        """Shorten a path that is certified among stationary objects, round its corners, and add it.
 
         Args:
-            parts: The path in parts, each shortened separately.
-            query: The problem with the objects to avoid (default: all stationary ones).
+            path: The path.
 
         Raises:
             RetimingError: it cannot be timed under the limits.
         """
-        query = query or self.agent.query({}, self.margin)
-        return self._add(self._shortened(parts, query), query)
+        query = self.agent.query({}, self.margin)
+        return self._add(self._shortened([path], query), query)
 
     def _add(self, points: Array, query: Problem) -> AgentPath:
         """Round the corners of a path with waypoints (n, nq), and add it."""

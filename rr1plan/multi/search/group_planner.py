@@ -158,7 +158,7 @@ class GroupPlanner:
         points = SpaceTimeSearch(pool.agent, paths, pool.margin, self._rng, self._watch).solve()
         if points is not None:
             with suppress(RetimingError):
-                pool.add_shortened([Path(pool.agent.joint_names, points)])
+                pool.add_shortened(Path(pool.agent.joint_names, points))
         group.statistics.add_time("space-time", began)
         return group.adopt([pool], "space-time")
 
@@ -186,7 +186,7 @@ class GroupPlanner:
         moves = SequentialMoves(pool.agent, goal, retreats, pool.margin, self._rng, self._watch)
         for points in moves.paths(effort // _ROUNDS_OF_SAME_EFFORT):
             with suppress(RetimingError):
-                pool.add_shortened([Path(pool.agent.joint_names, points)])
+                pool.add_shortened(Path(pool.agent.joint_names, points))
             if min((path.fastest for path in pool.paths), default=math.inf) <= group.slow_from():
                 break
         group.statistics.add_time("sequential", began)
@@ -241,7 +241,7 @@ class GroupPlanner:
                 if not checker.path_is_free(path):
                     return False
             try:
-                pool.add_shortened([path])
+                pool.add_shortened(path)
             except RetimingError:
                 return False
             pools.append(pool)

@@ -295,7 +295,7 @@ class PlanImprover:
             return False
         pool = PathPool(whole, margin, self._rng, watch)
         try:
-            path = pool.add_shortened([Path(whole.joint_names, points)])
+            path = pool.add_shortened(Path(whole.joint_names, points))
         except RetimingError:
             return False
         if path.fastest > _WORTH_REFINING * self.plan.schedules[whole].arrival:
