@@ -187,8 +187,7 @@ class Trajectory(Value, NotebookView):
             UnknownNameError: no column belongs to that arm.
         """
         known_name("arm", arm, self.arms)
-        columns = [i for i, name in enumerate(self.joint_names) if name.split("/", 1)[0] == arm]
-        return Trajectory(tuple(self.joint_names[i] for i in columns), self.breaks, self.coefficients[:, :, columns])
+        return of_joints(self, tuple(name for name in self.joint_names if name.split("/", 1)[0] == arm))
 
     def stretched(self, factor: float) -> Trajectory:
         """The same motion, `factor` times as long (derivatives are divided by factor, factor², factor³).
@@ -378,6 +377,13 @@ class Trajectory(Value, NotebookView):
         out[~inside] = 0.0
         out[~inside, 0] = self(np.where(starts[~inside] < self.breaks[0], self.breaks[0], self.breaks[-1]))
         return out
+
+
+def of_joints(trajectory: Trajectory, joint_names: tuple[str, ...]) -> Trajectory:
+    """The columns of some joints of a trajectory, in the order of these names, with the same breaks."""
+    column = {name: i for i, name in enumerate(trajectory.joint_names)}
+    coefficients = trajectory.coefficients[:, :, [column[name] for name in joint_names]]
+    return Trajectory.trusted(joint_names, trajectory.breaks, np.ascontiguousarray(coefficients))
 
 
 def locate(breaks: Array, times: Array) -> tuple[NDArray[np.int64], Array]:

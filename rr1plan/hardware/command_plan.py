@@ -22,7 +22,7 @@ from rr1plan.report import Report
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.joint_units import joint_units
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, of_joints
 from rr1plan.validation import certify_path, validate
 
 # Samples of a motion from which its segments are computed, and of each of its pieces, however short, at least.
@@ -247,8 +247,7 @@ def _joints_in_order(trajectory: Trajectory, scene: Scene, arm: str) -> Trajecto
     names, own = scene.joint_names([arm]), trajectory.select(arm)
     if set(names) != set(own.joint_names):
         raise InputError(f"the trajectory does not have all joints of {arm!r}: {', '.join(names)}")
-    order = [own.joint_names.index(name) for name in names]
-    return Trajectory(names, own.breaks, own.coefficients[:, :, order])
+    return of_joints(own, names)
 
 
 def _sample_times(trajectory: Trajectory) -> Array:

@@ -47,7 +47,7 @@ from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
 from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_plan_arguments
 from rr1plan.scene.problem import Problem
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, of_joints
 
 _IMPROVEMENTS = 6  # rounds for each group
 # Rounds of a search with goal configurations chosen among several, doubled after this many combinations.
@@ -544,12 +544,7 @@ class _GroupSearch:
 
 def merged_trajectory(problem: Problem, schedules: list[Schedule]) -> Trajectory:
     """All schedules on one clock, columns in the order of the problem."""
-    merged = Trajectory.merge(*(schedule.trajectory() for schedule in schedules))
-    column = {name: i for i, name in enumerate(merged.joint_names)}
-    order = [column[name] for name in problem.joint_names]
-    return Trajectory.trusted(
-        problem.joint_names, merged.breaks, np.ascontiguousarray(merged.coefficients[:, :, order])
-    )
+    return of_joints(Trajectory.merge(*(schedule.trajectory() for schedule in schedules)), problem.joint_names)
 
 
 def _paths_by_arm(problem: Problem, schedules: list[Schedule]) -> dict[str, Path]:

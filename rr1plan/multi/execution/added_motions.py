@@ -33,7 +33,7 @@ from rr1plan.path import Path
 from rr1plan.planning import Budget
 from rr1plan.report import Report
 from rr1plan.scene.problem import GoalLike, Problem
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, of_joints
 from rr1plan.validation import validate
 
 # Numbers of tried evasive motions of each arm, and of random configurations to find a free one.
@@ -362,15 +362,12 @@ class _Change:
         """The motion of all arms from the change on."""
         old, names = self.plan.trajectory, self.plan.trajectory.joint_names
         parts = [new.trajectory for new in changed.values()]
-        staying = [i for i, name in enumerate(names) if name.split("/", 1)[0] not in changed]
+        staying = tuple(name for name in names if name.split("/", 1)[0] not in changed)
         end = max([new.arrival for new in changed.values()] + [self.now])
         if staying:
-            later = old.cut(self.now, max(self.now, old.end_time))
-            parts.append(Trajectory(tuple(names[i] for i in staying), later.breaks, later.coefficients[:, :, staying]))
+            parts.append(of_joints(old.cut(self.now, max(self.now, old.end_time)), staying))
         merged = Trajectory.merge(*parts)
-        merged = merged.cut(self.now, max(end, merged.end_time))
-        columns = [merged.joint_names.index(name) for name in names]
-        return Trajectory(names, merged.breaks, merged.coefficients[:, :, columns])
+        return of_joints(merged.cut(self.now, max(end, merged.end_time)), names)
 
 
 def _report(motion: Trajectory, plan: RunningPlan) -> Report:

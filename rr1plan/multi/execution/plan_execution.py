@@ -20,7 +20,7 @@ from rr1plan.multi.execution.running_plan import LATEST
 from rr1plan.multi.execution.temporal_plan_graph import PlanGraph
 from rr1plan.planning import Wait
 from rr1plan.scene import Scene
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, of_joints
 
 _SLOWEST = 1e6  # largest relative increase of durations
 
@@ -261,10 +261,7 @@ class _Run:
             alone._move()
             late = motion.pass_time(route.segments) - alone.motions[0].pass_time(route.segments)
             waiting.update(dict.fromkeys(route.arms, max(0.0, late) if route.segments > 0 else 0.0))
-        merged = Trajectory.merge(*parts)
-        names = self.scene.joint_names(self.graph.arms)
-        columns = [merged.joint_names.index(name) for name in names]
-        trajectory = Trajectory(names, merged.breaks, merged.coefficients[:, :, columns])
+        trajectory = of_joints(Trajectory.merge(*parts), self.scene.joint_names(self.graph.arms))
         waits = tuple(wait for agent in range(len(parts)) for wait in self._waits(agent))
         return PlanExecution(trajectory, self.graph.with_times(times), waiting, waits)
 

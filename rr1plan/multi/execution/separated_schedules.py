@@ -36,7 +36,7 @@ from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.object_cache import kept_in
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, of_joints
 
 # An arm that moves no farther than this on a piece of a path rests there, in the norm of its joints [rad].
 _STILL = 1e-9
@@ -302,10 +302,7 @@ class _JointMotion:
         halts = tuple(sorted(inner - {0, int(gridpoint[-1])}))
         ends = np.stack([whole.at(0), whole.at(whole.segments if self.schedule.legs else 0)])[:, columns]
         path = ProjectedPath(agent, *_curve(route, coefficients, moves, halts), halts, ends)
-        columns = [self.motion.joint_names.index(name) for name in agent.joint_names]
-        motion = Trajectory.trusted(
-            agent.joint_names, self.motion.breaks, np.ascontiguousarray(self.motion.coefficients[:, :, columns])
-        )
+        motion = of_joints(self.motion, agent.joint_names)
         schedule = ProjectedSchedule(path, tuple(legs), tuple(times), motion)
         return _Projection(schedule, np.concatenate(segments).astype(np.int64), self)
 
