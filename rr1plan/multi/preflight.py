@@ -82,7 +82,6 @@ def preflight(
     """
     watch = watch or Stopwatch(np.inf)
     agents = {arm: Agent(problem, [arm], timing) for arm in problem.arms}
-    starts = problem.scene.split(problem.start, problem.arms)
     for arm, agent in agents.items():
         if not watch.goes_on():
             return _too_late(watch)
@@ -93,7 +92,7 @@ def preflight(
             subject = "" if blocked and contacts_without(checker, query.start, [arm]) else f"{arm}: "
         if blocked:
             return Preflight({}, {}, PlanStatus.INVALID_START, f"{subject}{blocked}")
-    touching = _first_contact(agents, starts, near)
+    touching = _first_contact(agents, {arm: agent.start for arm, agent in agents.items()}, near)
     if touching is not None:
         return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
 
@@ -166,9 +165,8 @@ def with_goal(
     chosen = frozenset(problem.goal) - of_joints
     if not chosen:
         return Preflight(agents, margins, choices=choices)
-    starts = problem.scene.split(problem.start, problem.arms)
-    plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
-    plain = plain.with_margin(problem.margin)
+    starts = {arm: agent.start for arm, agent in agents.items()}
+    plain = Problem(problem.scene, starts, goal, arms=problem.arms).with_margin(problem.margin)
     made = {arm: Agent(plain, [arm], agent.timing) for arm, agent in agents.items()}
     return Preflight(made, margins, chosen=chosen, choices=choices)
 

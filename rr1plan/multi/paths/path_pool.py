@@ -80,7 +80,7 @@ class PathPool:
         if detour and via is None:
             return None, "no random configuration is free"
         parts: list[Path] = []
-        for leg in [query] if via is None else _split(query, via):
+        for leg in [query] if via is None else _split(self.agent, query, via):
             result = self._plan(leg, effort, patient=patient)
             self.impossible = result.status is PlanStatus.INFEASIBLE
             if result.path is None:
@@ -232,13 +232,10 @@ class PathPool:
         return None
 
 
-def _split(query: Problem, via: Array) -> list[Problem]:
-    """The problems from the start to a configuration, and from there to the goal."""
-    scene, arms = query.scene, query.arms
-    middle = scene.split(via, arms)
-    begin = {name: q for name, q in scene.split(query.start, arms).items() if name in arms}
-    between = {name: middle[name] for name in arms}
+def _split(agent: Agent, query: Problem, via: Array) -> list[Problem]:
+    """The problems from the start of an agent to a configuration, and from there to the goal."""
+    begin, between = agent.split(agent.start), agent.split(via)
     return [
-        Problem(scene, begin, between, arms=arms).with_margin(query.margin),
-        Problem(scene, between, dict(query.goal), arms=arms).with_margin(query.margin),
+        Problem(query.scene, begin, between, arms=agent.arms).with_margin(query.margin),
+        Problem(query.scene, between, dict(query.goal), arms=agent.arms).with_margin(query.margin),
     ]
