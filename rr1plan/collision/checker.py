@@ -546,10 +546,10 @@ def _rebuild(scene: Scene, arms: tuple[str, ...], margin: float, tolerance: floa
     return CollisionChecker(scene, arms, margin=margin, tolerance=tolerance)
 
 
-def shifted_polynomial(coefficients: Array, shift: float) -> Array:
-    """The coefficients of p(shift + t), shape (k + 1, nq) like those of p."""
-    shifted = coefficients.copy()
-    for first in range(len(shifted) - 1):
-        for k in range(len(shifted) - 2, first - 1, -1):
-            shifted[k] += shift * shifted[k + 1]
+def shifted_polynomial(coefficients: Array, shift: float | Array) -> Array:
+    """The coefficients of p(shift + t), shape (..., k + 1, nq) like those of p; shifts of several have shape (m, 1)."""
+    shifted, terms = coefficients.copy(), coefficients.shape[-2]
+    for first in range(terms - 1):
+        for k in range(terms - 2, first - 1, -1):
+            shifted[..., k, :] += shift * shifted[..., k + 1, :]
     return shifted

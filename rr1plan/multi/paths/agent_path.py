@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
+from rr1plan.collision.checker import shifted_polynomial
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import jerk_limited_line, times_along
@@ -433,12 +434,7 @@ def _merged(pieces: Pieces, grid: Grid, x: Array, curve: Curve) -> Pieces:
 
 def _reversed(pieces: Pieces) -> Pieces:
     """The same motion backward."""
-    durations, c = pieces
-    terms = c.shape[1]
-    turned = c.copy()
-    # Taylor's coefficients at the end of each piece, by repeated division; then odd powers change their sign.
-    for first in range(terms - 1):
-        for k in range(terms - 2, first - 1, -1):
-            turned[:, k] += durations[:, None] * turned[:, k + 1]
+    # From the end of each piece, odd powers with the other sign.
+    turned = shifted_polynomial(pieces.coefficients, pieces.durations[:, None])
     turned[:, 1::2] *= -1.0
-    return Pieces(durations[::-1].copy(), turned[::-1].copy())
+    return Pieces(pieces.durations[::-1].copy(), turned[::-1].copy())
