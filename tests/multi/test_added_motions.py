@@ -380,7 +380,7 @@ def test_without_time_for_a_path_no_arm_counts_as_in_the_way(planar2r: rp.Robot)
 
 
 def test_a_motion_begins_at_a_corner_or_at_an_arrival_up_to_rounding() -> None:
-    robot = rp.planar_arm("RR", (0.5, 0.4))
+    robot = rp.planar_arm("RR", (0.5, 0.4), width=0.08)
     scene = rp.Scene().with_arm("a", robot, (-2.0, 0.0, 0.0)).with_arm("b", robot, (2.0, 0.0, 0.0))
     scene = scene.with_obstacle("post", rp.Cylinder(0.05, 0.3), (-1.25, 0.3, 0.0))
     problem = rp.Problem(scene, {"a": [-0.6, 0.5], "b": [0.0, 0.5]}, {"a": [1.6, 0.2], "b": [1.0, 0.5]})
