@@ -288,7 +288,7 @@ def _with_move(track: Track, departure: float, move: Track, moving: NDArray[np.b
     Args:
         track: The other moves, of all arms.
         departure: When the move starts.
-        move: The move of all arms, on a clock of its own.
+        move: The move to add, of all arms, with times relative to the departure.
         moving: Mask of the columns of the arms that it moves, shape (nq,).
     """
     instants = np.unique(np.concatenate([track.times[track.times > departure], departure + move.times]))
