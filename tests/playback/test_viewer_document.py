@@ -182,7 +182,8 @@ def test_nasty_names_stay_names(rr1: rp.Robot) -> None:
     scene = rp.Scene(name=NASTY, description=NASTY).with_arm("arm", rr1)
     page = page_html(view_document(scene, options=rp.ViewOptions(title=NASTY)))
     assert "<script>alert" not in page
-    assert page.count("<script") == 5
+    plain = page_html(view_document(rp.Scene(name="plain").with_arm("arm", rr1)))
+    assert page.count("<script") == plain.count("<script")
 
 
 def test_a_page_forbids_everything_from_outside(rr1_table: rp.Scene) -> None:
