@@ -319,6 +319,8 @@ def test_things_come_move_and_go_in_a_run() -> None:
         sim.update_scene(scene.with_arm("arm", rp.load_robot("rr1"), [1.0, 0.0, 0.0]))
     with pytest.raises(rp.InputError, match=r"has the arms \['arm', 'b'\], expected those of the simulation"):
         sim.update_scene(scene.with_arm("b", rp.load_robot("rr1"), [1.0, 0.0, 0.0]))
+    with pytest.raises(rp.InputError, match=r"has the arms \[\], expected those of the simulation: \['arm'\]"):
+        sim.update_scene(FLOOR)
 
 
 def test_bodies_in_flight_keep_their_velocity_in_a_scene_that_is_based_on_the_current_one() -> None:
