@@ -91,9 +91,7 @@ class KinematicsLesson(Lesson):
         """The determinant of J over the configuration space (n, n), and the curves where it is zero, each (k, 2)."""
         import contourpy
 
-        axes = [
-            np.linspace(1.5 * c[0] - 0.5 * c[1], 1.5 * c[-1] - 0.5 * c[-2], _CELLS + 1) for c in self.picture.grid.axes
-        ]
+        axes = [np.linspace(low, high, _CELLS + 1) for low, high in self.picture.grid.ranges]
         # A little wider, so that a zero on the border of the picture is found.
         wide = [np.linspace(a[0] - (a[1] - a[0]), a[-1] + (a[1] - a[0]), _CELLS + 4) for a in axes]
         values = self.determinant(np.stack(np.meshgrid(*wide, indexing="ij"), axis=-1))
@@ -207,11 +205,9 @@ class KinematicsLesson(Lesson):
     def _draw_map(self, figure: Figure, axes: Axes) -> None:
         """|det J| over the configuration space, and its zeros."""
         grid = self.picture.grid
-        extent = [edge for c in grid.axes for edge in (1.5 * c[0] - 0.5 * c[1], 1.5 * c[-1] - 0.5 * c[-2])]
+        extent = (*grid.ranges[0], *grid.ranges[1])
         values, curves = self.map()
-        image = axes.imshow(
-            np.abs(values).T, origin="lower", extent=tuple(extent), cmap="cividis", aspect="auto", vmin=0.0
-        )
+        image = axes.imshow(np.abs(values).T, origin="lower", extent=extent, cmap="cividis", aspect="auto", vmin=0.0)
         for k, curve in enumerate(curves):
             axes.plot(*curve.T, color="white", lw=5)
             axes.plot(*curve.T, color="#d55e00", lw=2.4, ls="--", label=None if k else "singular: det J = 0")

@@ -74,8 +74,9 @@ def length_scale(grid: CSpaceGrid) -> float:
     It is the widest travel over 2π, so that a step of this many rad and the same step times the scale are equal shares
     of their ranges; at least 1 if one joint turns.
     """
-    ranges = [len(centers) * float(centers[1] - centers[0]) for centers in grid.axes]
-    return max(1.0 if turns else size / (2.0 * pi) for turns, size in zip(grid.turns, ranges, strict=True))
+    return max(
+        1.0 if turns else (high - low) / (2.0 * pi) for turns, (low, high) in zip(grid.turns, grid.ranges, strict=True)
+    )
 
 
 def length_digits(scale: float, digits: int = 2) -> int:

@@ -80,9 +80,9 @@ class MotionLesson(Lesson):
     @property
     def distances(self) -> tuple[float, float]:
         """The default and the largest distance of the first joint in the step about seven phases [rad or m]."""
-        centers, turns = self.picture.grid.axes[0], self.picture.grid.turns[0]
-        width = len(centers) * float(centers[1] - centers[0])
-        return (min(1.2, 0.4 * width), min(3.0, width)) if turns else (0.4 * width, width)
+        low, high = self.picture.grid.ranges[0]
+        width = high - low
+        return (min(1.2, 0.4 * width), min(3.0, width)) if self.picture.grid.turns[0] else (0.4 * width, width)
 
     @property
     def max_blend(self) -> float:
@@ -165,9 +165,9 @@ class MotionLesson(Lesson):
 
     def _draw_paths(self, axes: Axes) -> None:
         space = self.picture.grid
-        extent = [edge for c in space.axes for edge in (1.5 * c[0] - 0.5 * c[1], 1.5 * c[-1] - 0.5 * c[-2])]
+        extent = (*space.ranges[0], *space.ranges[1])
         image = 1.0 - 0.55 * (1.0 - layer_image(space))
-        axes.imshow(image, origin="lower", extent=tuple(extent), interpolation="nearest", aspect="equal")
+        axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
         rows = (
             (self.raw, RAW, "--", "planned"),
             (self.path.waypoints, SHORT, "-", "shortened"),

@@ -42,15 +42,14 @@ def slice_axes(scene: Scene, arm: str) -> dict[str, object]:
         arm: The arm.
     """
     robot, grid = scene.arms[arm].robot, compute_grid(scene, arm, resolution=8)
-    halves = [0.5 * float(centers[1] - centers[0]) for centers in grid.axes]
     return {
         "columns": [0, 1],
         "joints": [
             {"name": name, "straight": robot.joint(name).kind == "prismatic", "symbol": joint_symbol(robot, name)}
             for name in grid.joint_names
         ],
-        "low": [float(centers[0]) - half for centers, half in zip(grid.axes, halves, strict=True)],
-        "high": [float(centers[-1]) + half for centers, half in zip(grid.axes, halves, strict=True)],
+        "low": [low for low, _ in grid.ranges],
+        "high": [high for _, high in grid.ranges],
         "periodic": list(grid.periodic),
     }
 

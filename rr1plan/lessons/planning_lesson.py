@@ -149,9 +149,9 @@ class PlanningLesson(Lesson):
         from matplotlib.collections import LineCollection
 
         space, record = self.picture.grid, variant.record
-        extent = [edge for c in space.axes for edge in (1.5 * c[0] - 0.5 * c[1], 1.5 * c[-1] - 0.5 * c[-2])]
+        extent = (*space.ranges[0], *space.ranges[1])
         image = 1.0 - 0.55 * (1.0 - layer_image(space))
-        axes.imshow(image, origin="lower", extent=tuple(extent), interpolation="nearest", aspect="equal")
+        axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
         color = COLORS[variant.planner]
         lines = [piece for a, b in _edges(record) for piece in wrapped_pieces(_joined(space, a, b), space)]
         axes.add_collection(LineCollection(lines, colors=color, linewidths=0.6, alpha=0.8))

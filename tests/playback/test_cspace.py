@@ -196,6 +196,14 @@ def _flood(free: np.ndarray, periodic: tuple[bool, bool], seed: tuple[int, int])
     return seen
 
 
+def test_the_ranges_of_a_grid_are_those_of_its_joints() -> None:
+    arm = rp.planar_arm("RP", (0.5, 0.4), limits=[(-1.0, 0.5), (0.1, 0.3)])
+    limited = compute_grid(rp.Scene().with_arm("arm", arm), resolution=16)
+    np.testing.assert_allclose(limited.ranges, [(-1.0, 0.5), (0.1, 0.3)], rtol=0.0, atol=1e-15)
+    whole = compute_grid(rp.Scene().with_arm("arm", rp.planar_arm("RR")), resolution=16)
+    np.testing.assert_allclose(whole.ranges, [(-np.pi, np.pi)] * 2, rtol=0.0, atol=1e-15)
+
+
 def test_limits_have_a_layer_of_their_own_and_close_the_seam() -> None:
     scene = rp.Scene(arms={"arm": rp.Arm(rp.load_robot("planar2r_limited"))})
     grid = compute_grid(scene, resolution=72)

@@ -71,6 +71,13 @@ class CSpaceGrid(Value):
         return first, second
 
     @property
+    def ranges(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Lowest and highest value of each joint, at the edges of the outermost cells [rad or m]."""
+        steps = [0.5 * float(centers[1] - centers[0]) for centers in self.axes]
+        first, second = ((float(c[0]) - s, float(c[-1]) + s) for c, s in zip(self.axes, steps, strict=True))
+        return first, second
+
+    @property
     def components(self) -> int:
         """Number of components of free space on the grid."""
         return int(self.labels.max(initial=0))

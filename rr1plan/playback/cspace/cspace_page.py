@@ -144,7 +144,6 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
     robot = grid.scene.arms[grid.arm].robot
     joints = [robot.joint(name) for name in grid.joint_names]
     columns = grid.scene.joint_names()
-    steps = [float(centers[1] - centers[0]) for centers in grid.axes]
     labels, shares = _ranked_components(cspace)
     planar, others = _planar(grid), _other_joints(grid)
     return {
@@ -154,8 +153,8 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
             {"name": joint.name, "straight": joint.kind == "prismatic", "symbol": joint_symbol(robot, joint.name)}
             for joint in joints
         ],
-        "low": [float(c[0]) - 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
-        "high": [float(c[-1]) + 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
+        "low": [low for low, _ in grid.ranges],
+        "high": [high for _, high in grid.ranges],
         "periodic": list(grid.periodic),
         "size": list(grid.free.shape),
         "layers": _layers(grid, bool(others)),

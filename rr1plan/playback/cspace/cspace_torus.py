@@ -90,7 +90,7 @@ def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> dict[str, 
     grid = cspace.grid
     spans = _spans(cspace)
     axes.set_title("configuration space", loc="left", color=INK)
-    extent = (*_edges(grid.axes[0]), *_edges(grid.axes[1]))
+    extent = (*grid.ranges[0], *grid.ranges[1])
     image = layer_image(grid, end_tints(cspace))
     if LIMITS in grid.layers:
         image[_pixels(grid.layers[LIMITS]).T] = to_rgb(LIMIT_COLOR)  # without the images of obstacles beyond the limits
@@ -139,7 +139,7 @@ def _spans(cspace: CSpaceQuery) -> list[tuple[float, float]]:
     spans = []
     for k, (name, closes) in enumerate(zip(grid.joint_names, grid.periodic, strict=True)):
         if closes:
-            spans.append(_edges(grid.axes[k]))
+            spans.append(grid.ranges[k])
             continue
         column = robot.joint_names.index(name)
         values = [robot.limits.lower[column], robot.limits.upper[column], *(q[k] for q in ends)]
@@ -158,18 +158,13 @@ def _window(grid: CSpaceGrid, spans: list[tuple[float, float]]) -> tuple[slice, 
     return first, second
 
 
-def _edges(centers: Array) -> tuple[float, float]:
-    half = 0.5 * float(centers[1] - centers[0])
-    return float(centers[0]) - half, float(centers[-1]) + half
-
-
 def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
     """A polyline in angles (k, 2) as pieces inside the picture, broken at the seams of the torus."""
     dense = along(points, max(2, int(np.ceil(np.abs(np.diff(points, axis=0)).sum() / 0.01))))
     inside, turns = dense.copy(), np.zeros(dense.shape)
     for axis, closes in enumerate(grid.periodic):
         if closes:
-            low, high = _edges(grid.axes[axis])
+            low, high = grid.ranges[axis]
             turns[:, axis] = np.floor((dense[:, axis] - low) / (high - low))
             inside[:, axis] -= turns[:, axis] * (high - low)
     cuts = np.flatnonzero(np.any(np.diff(turns, axis=0) != 0, axis=1)) + 1

@@ -120,9 +120,8 @@ def crosses_seam(cspace: CSpaceQuery) -> bool:
     """Whether the path leaves the square and re-enters at the opposite side."""
     if cspace.path is None:
         return False
-    for axis, (centers, closes) in enumerate(zip(cspace.grid.axes, cspace.grid.periodic, strict=True)):
-        step = centers[1] - centers[0]
-        turns = np.floor((cspace.path[:, axis] - centers[0] + 0.5 * step) / (step * len(centers)))
+    for axis, ((low, high), closes) in enumerate(zip(cspace.grid.ranges, cspace.grid.periodic, strict=True)):
+        turns = np.floor((cspace.path[:, axis] - low) / (high - low))
         if closes and len(np.unique(turns)) > 1:
             return True
     return False
