@@ -29,8 +29,9 @@ def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointClou
         scene = scene.with_obstacle("scan", load_point_cloud("scan.pcd"))
 
     Args:
-        file: A .npy file of shape (n, 3), a .ply or .pcd file, or text with x, y, z in each line (.csv, .xyz, .txt),
-            where comments (#) and a header "x,y,z" are skipped.
+        file: A .npy file of shape (n, 3), a .ply or .pcd file, or text with a point in each line (.csv, .xyz, .txt):
+            the columns that a header names x, y and z, or the first three. Others, such as colors, and comments (#, //)
+            are skipped.
         resolution: Side of the cubes that the points become [m].
 
     Raises:
@@ -82,15 +83,24 @@ def _without_nan(points: Any, file: Path) -> Any:
 
 
 def _from_text(text: str) -> Any:
+    """The columns that a header names x, y and z, or else the first three."""
     points: list[list[float]] = []
+    columns, count = [0, 1, 2], 0
     for number, line in enumerate(text.splitlines(), 1):
         words = line.replace('"', " ").replace(",", " ").lower().split()
-        if not words or words[0].startswith("#") or words == ["x", "y", "z"]:
+        if not words or words[0].startswith(("#", "//")):
             continue
-        if len(words) != 3:
-            raise ValueError(f"line {number}: expected three numbers, got {shown(line.strip())}")
+        if {"x", "y", "z"} <= set(words):
+            columns, count = [words.index(axis) for axis in "xyz"], len(words)
+            continue
+        count = count or len(words)
+        # Commas between some of more than three numbers are decimal marks.
+        is_mixed = len(words) > 3 and line.count(",") not in (0, len(words) - 1)
+        if len(words) != count or not 3 <= count <= MAX_COLUMNS or is_mixed:
+            wanted = f"{count} columns" if 3 < count != len(words) else "three numbers"
+            raise ValueError(f"line {number}: expected {wanted}, got {shown(line.strip())}")
         try:
-            points.append([number_in(word) for word in words])
+            points.append([number_in(words[k]) for k in columns])
         except ValueError as error:
             raise ValueError(f"line {number}: {error}") from error
     return np.array(points).reshape(-1, 3)

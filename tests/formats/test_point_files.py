@@ -113,6 +113,19 @@ def test_every_coding_gives_the_same_points(tmp_path: Path, name: str) -> None:
     assert cloud.resolution == 0.05
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1 2 3 255 0 0\n4 5 6 0 255 0\n",
+        "1.0, 2.0, 3.0, 0.5\n4.0, 5.0, 6.0, 0.7\n",
+        "id,X,Y,Z,label\n7,1,2,3,wall\n8,4,5,6,floor\n",
+    ],
+)
+def test_further_columns_of_a_text_are_skipped(tmp_path: Path, text: str) -> None:
+    (tmp_path / "scan.csv").write_text(text)
+    assert read_points(tmp_path / "scan.csv").tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])
 def test_what_trimesh_writes_is_read(tmp_path: Path, encoding: str) -> None:
     rng = np.random.default_rng(0)
@@ -156,6 +169,8 @@ def test_a_mark_a_header_and_comments_in_any_encoding_are_no_points(tmp_path: Pa
     assert read_points(scan).tolist() == [[1, 2, 3], [4, 5, 6]]
     scan.write_text('"X","Y","Z"\n"1","2","3E0"\n')
     assert read_points(scan).tolist() == [[1, 2, 3]]
+    scan.write_text("//X Y Z R G B\n1 2 3 255 0 0\n4 5 6 0 255 0\n")
+    assert read_points(scan).tolist() == [[1, 2, 3], [4, 5, 6]]
     cloud = tmp_path / "cloud.pcd"
     cloud.write_bytes("# Größe\n".encode("latin-1") + pcd("binary"))
     np.testing.assert_array_equal(read_points(cloud), POINTS)
@@ -266,6 +281,7 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
     "ply without x": ("a.ply", ply("ascii").replace(b"float x", b"float X"), "it has no 'x'"),
     "a line of words": ("a.csv", b"x,y,z\n1,2,3\n\n4,5,six\n", "line 4: 'six' is not a number"),
     "a line of colors": ("a.xyz", b"1 2 3\n1 2 3 255 0 0\n", "line 2: expected three numbers, got '1 2 3 255 0 0'"),
+    "a line without a color": ("a.xyz", b"1 2 3 255 0 0\n1 2 3\n", "line 2: expected 6 columns, got '1 2 3'"),
     "decimal commas": ("a.xyz", b"1,5 2,5 3,5\n", "line 1: expected three numbers, got '1,5 2,5 3,5'"),
     "a line without an end": ("a.xyz", b"1 2 3 " * 1000, r"got '1 2 3 .{,200}$"),
     "a slip between digits": ("a.xyz", b"1_0 2 3\n", "line 1: '1_0' is not a number"),
