@@ -212,6 +212,8 @@ def mirror_calls(scene: rp.Scene, trajectory: rp.Trajectory, folder: Path) -> di
 
 
 BOX = """
+format = "rr1plan calibration"
+version = 1
 [control_box]
 tick = 0.0006
 [control_box.channels.S1]

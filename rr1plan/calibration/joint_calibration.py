@@ -368,11 +368,7 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
     Raises:
         FormatError: the file cannot be read, is not a calibration, is of a newer version, or has an impossible value.
     """
-    table = read_toml(file, _MAX_BYTES)
-    if table.string("format") != _FORMAT:
-        raise table.error(f"expected {_FORMAT!r}", "format")
-    if table.number("version") != _VERSION:
-        raise table.error(f"is version {table.raw('version')}, expected {_VERSION}", "version")
+    table = read_calibration_table(file)
     units, joints = table.table("units"), table.table("joints")
     if units.string("position") != "rad":
         raise units.error(f"is {units.raw('position')!r}, expected 'rad' (meters for joints that slide)", "position")
@@ -384,6 +380,20 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
         part.finish()
     with table.blame():
         return Calibration(robot, rows, unit, date, source)
+
+
+def read_calibration_table(file: str | pathlib.Path) -> Table:
+    """The outermost table of a calibration file, with its format and version checked.
+
+    Raises:
+        FormatError: the file cannot be read, is not a calibration, or is of a newer version.
+    """
+    table = read_toml(file, _MAX_BYTES)
+    if table.string("format") != _FORMAT:
+        raise table.error(f"expected {_FORMAT!r}", "format")
+    if table.number("version") != _VERSION:
+        raise table.error(f"is version {table.raw('version')}, expected {_VERSION}", "version")
+    return table
 
 
 def _joint(row: Table) -> JointCalibration:

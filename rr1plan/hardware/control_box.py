@@ -24,15 +24,13 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.calibration.joint_calibration import Calibration, check_position_units
+from rr1plan.calibration.joint_calibration import Calibration, check_position_units, read_calibration_table
 from rr1plan.checks import Array, Value, check_text, finite_number, known_name, of_kind, positive_number, whole_number
 from rr1plan.errors import InputError
 from rr1plan.files.checked_tables import Table
-from rr1plan.files.documents import read_toml
 from rr1plan.hardware.control_box_frames import CHANNELS
 from rr1plan.robot import Robot
 
-_MAX_BYTES = 1024 * 1024
 _MOST_COUNTS = 1e4  # encoder counts per step
 # Upper bounds on the period of a step and of a pass of the loop [ticks, s].
 _LONGEST_PERIOD, _LONGEST_TICK = 1e4, 1.0
@@ -111,10 +109,11 @@ def load_control_box(file: str | pathlib.Path) -> ControlBox:
         file: The file (.toml), with the table `control_box`.
 
     Raises:
-        FormatError: the file cannot be read, has no table `control_box`, or an impossible value.
+        FormatError: the file cannot be read, is not a calibration, is of a newer version, has no table `control_box`,
+            or an impossible value.
         UnknownNameError: another channel.
     """
-    whole = read_toml(file, _MAX_BYTES)
+    whole = read_calibration_table(file)
     if "control_box" not in whole:
         raise whole.error("has no table 'control_box', which says what drives the joints of this arm")
     table = whole.table("control_box")

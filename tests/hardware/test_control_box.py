@@ -131,6 +131,8 @@ def test_a_new_calibration_keeps_the_control_box_of_the_file(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
+        ("version = 1", "version = 2", "arm.toml:2: version: is version 2, expected 1"),
+        ('"rr1plan calibration"', '"another"', "format: expected 'rr1plan calibration'"),
         ("tick = 0.000602", "tick = 0", "tick is 0.0, expected a number above zero"),
         ("tick = 0.000602", "tick = 5", "tick is 5 s, expected at most 1 s"),
         ("tick = 0.000602", "tock = 1", "has no 'tick'"),
@@ -146,7 +148,7 @@ def test_a_new_calibration_keeps_the_control_box_of_the_file(
 def test_a_wrong_control_box_is_refused_by_name(
     box: rp.ControlBox, tmp_path: Path, old: str, new: str, words: str
 ) -> None:
-    text = to_toml(box_table(box))
+    text = to_toml({"format": "rr1plan calibration", "version": 1, **box_table(box)})
     assert old in text
     file = tmp_path / "arm.toml"
     file.write_text(text.replace(old, new))
