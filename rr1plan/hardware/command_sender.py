@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import time
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
@@ -70,8 +72,11 @@ def open_serial_port(name: str) -> SerialPort:
     try:
         port: SerialPort = serial.Serial(name, BAUD, timeout=0.1, write_timeout=1.0, exclusive=True)
     except (OSError, ValueError) as error:
+        # The messages of pyserial repeat the name of the port and the number of the error.
+        number = getattr(error, "errno", None)
+        why = "another program has it open" if number == errno.EAGAIN else os.strerror(number) if number else error
         there = ", ".join(sorted(found.device for found in comports())) or "none"
-        raise SerialLineError(f"cannot open the serial port {name!r}: {error}; ports found: {there}") from error
+        raise SerialLineError(f"cannot open the serial port {name!r}: {why}; ports found: {there}") from error
     return port
 
 
