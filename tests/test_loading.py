@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from path_files import save_path
 
 import rr1plan as rp
-from rr1plan.export.plan_files import save_path, save_trajectory
+from rr1plan.export.plan_files import save_trajectory
 from rr1plan.robot import Geometry
 from rr1plan.scene import Attachment
 

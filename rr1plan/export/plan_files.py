@@ -72,22 +72,6 @@ class SavedMotion(Value):
 # ---- writing -------------------------------------------------------------------------------
 
 
-def save_path(file: _File, path: Path, scene: Scene, *, embed: bool = False) -> pathlib.Path:
-    """Write a path and its scene to a JSON file and return the file's path.
-
-    Args:
-        file: The file; read it with `load_motion`.
-        path: The path.
-        scene: The scene it was made in.
-        embed: Put large meshes and point clouds into the file; see `save_motion`.
-
-    Raises:
-        UnknownNameError: a joint the scene does not have.
-        InputError: the file cannot be written.
-    """
-    return _save(file, "path", scene, {"path": _path_entry(path, scene)}, embed)
-
-
 def save_trajectory(file: _File, trajectory: Trajectory, scene: Scene, *, embed: bool = False) -> pathlib.Path:
     """Write a trajectory and its scene to a JSON file and return the file's path.
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from path_files import save_path
 
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.export import plan_files
@@ -62,7 +63,7 @@ def resealed(file: FilePath, change: Callable[[dict[str, Any]], object]) -> File
 def test_paths_and_trajectories_read_back_to_the_last_bit(
     tmp_path: FilePath, scene: Scene, path: Path, trajectory: Trajectory
 ) -> None:
-    read = read_plan_file(plan_files.save_path(tmp_path / "p.json", path, scene)).path
+    read = read_plan_file(save_path(tmp_path / "p.json", path, scene)).path
     assert read is not None
     assert np.array_equal(read.waypoints, path.waypoints)
     assert read.joint_names == path.joint_names
@@ -72,7 +73,7 @@ def test_paths_and_trajectories_read_back_to_the_last_bit(
 
 
 def test_files_name_joints_units_and_models(tmp_path: FilePath, scene: Scene, path: Path) -> None:
-    data = json.loads(plan_files.save_path(tmp_path / "p.json", path, scene).read_text())
+    data = json.loads(save_path(tmp_path / "p.json", path, scene).read_text())
     assert (data["format"], data["version"], data["kind"]) == ("rr1plan", 2, "path")
     assert data["content"]["path"]["joint_names"] == ["arm/joint1", "arm/joint2"]
     assert data["content"]["path"]["units"] == ["rad", "rad"]
@@ -148,7 +149,7 @@ def test_a_file_that_was_cut_off_is_refused(
 
 
 def test_an_altered_number_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
-    file = plan_files.save_path(tmp_path / "p.json", path, scene)
+    file = save_path(tmp_path / "p.json", path, scene)
     rewritten(file, lambda data: data["content"]["path"]["waypoints"][0].__setitem__(0, 0.1000001))
     with pytest.raises(FormatError, match=r"p\.json: was altered"):
         read_plan_file(file)
@@ -171,9 +172,7 @@ def test_an_altered_number_is_refused(tmp_path: FilePath, scene: Scene, path: Pa
 def test_a_wrong_head_is_refused(
     tmp_path: FilePath, scene: Scene, path: Path, entry: str, value: object, message: str
 ) -> None:
-    file = rewritten(
-        plan_files.save_path(tmp_path / "p.json", path, scene), lambda data: data.__setitem__(entry, value)
-    )
+    file = rewritten(save_path(tmp_path / "p.json", path, scene), lambda data: data.__setitem__(entry, value))
     with pytest.raises(FormatError, match=message) as caught:
         read_plan_file(file)
     assert caught.value.file == str(file)
@@ -189,7 +188,7 @@ def test_files_that_are_something_else_are_refused(tmp_path: FilePath, text: str
 
 
 def test_a_nan_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
-    file = plan_files.save_path(tmp_path / "p.json", path, scene)
+    file = save_path(tmp_path / "p.json", path, scene)
     rewritten(file, lambda data: data["content"]["path"]["waypoints"][0].__setitem__(0, float("nan")))
     with pytest.raises(FormatError, match="not finite"):
         read_plan_file(file)
@@ -253,14 +252,14 @@ def test_content_that_makes_no_sense_is_refused_even_with_the_right_hash(
 def test_the_scene_of_a_path_is_checked_like_that_of_a_motion(
     tmp_path: FilePath, scene: Scene, path: Path, change: Callable[[dict[str, Any]], object], message: str
 ) -> None:
-    file = resealed(plan_files.save_path(tmp_path / "p.json", path, scene), change)
+    file = resealed(save_path(tmp_path / "p.json", path, scene), change)
     with pytest.raises(FormatError, match=rf"p\.json: {message}"):
         read_plan_file(file)
 
 
 def test_joints_the_scene_does_not_have_cannot_be_saved(tmp_path: FilePath, scene: Scene) -> None:
     with pytest.raises(UnknownNameError, match=r"Did you mean .*'arm/joint1'"):
-        plan_files.save_path(tmp_path / "p.json", Path(("arm/joint9",), [[0.0]]), scene)
+        save_path(tmp_path / "p.json", Path(("arm/joint9",), [[0.0]]), scene)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -363,7 +362,7 @@ def test_only_our_own_values_have_a_form(tmp_path: FilePath, scene: Scene) -> No
 
 
 def test_a_number_too_large_for_a_float_is_refused(tmp_path: FilePath, scene: Scene, path: Path) -> None:
-    file = plan_files.save_path(tmp_path / "path.json", path, scene)
+    file = save_path(tmp_path / "path.json", path, scene)
     huge = resealed(file, lambda content: content["path"]["waypoints"][0].__setitem__(0, 10**400))
     with pytest.raises(FormatError, match="waypoints"):
         read_plan_file(huge)
