@@ -29,7 +29,7 @@ from rr1plan.files.checked_tables import Table
 from rr1plan.files.documents import read_json, read_yaml
 from rr1plan.files.file_access import text_stem
 from rr1plan.robot import Geometry, Robot
-from rr1plan.scene import Obstacle, Scene
+from rr1plan.scene import Arm, Obstacle, Scene
 from rr1plan.scene.moveit_scene import cone
 from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
@@ -151,14 +151,14 @@ def _read_object(entry: Table, name: str) -> tuple[Geometry, ...]:
             raise entry.error(f"has {len(parts)} {kind} and {len(places)} {poses}")
         for part, place in zip(parts, places, strict=True):
             with part.blame():
-                shapes += [(shape, _pose_of(place)) for shape in read(part)]
+                shapes.append((read(part), _pose_of(place)))
     if not shapes:
         raise entry.error("has no primitives and no meshes, expected at least one")
     names = [name] if len(shapes) == 1 else [f"{name}_{i}" for i in range(len(shapes))]
     return tuple(Geometry(n, shape, T) for n, (shape, T) in zip(names, shapes, strict=True))
 
 
-def _read_primitive(entry: Table) -> list[Shape]:
+def _read_primitive(entry: Table) -> Shape:
     counts = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
     number = entry.raw("type")
     # MoveIt's own files count types from one.
@@ -175,13 +175,13 @@ def _read_primitive(entry: Table) -> list[Shape]:
         "cylinder": lambda: Cylinder(radius=d[1], length=d[0]),
         "cone": lambda: cone(radius=d[1], length=d[0]),
     }
-    return [makers[kind]()]
+    return makers[kind]()
 
 
-def _read_mesh(entry: Table) -> list[Shape]:
+def _read_mesh(entry: Table) -> Shape:
     if "vertices" not in entry or "triangles" not in entry:
         raise entry.error("expected vertices and triangles; a mesh that is named by a resource is not read")
-    return [Mesh(entry.numbers("vertices", (None, 3)), entry.indices("triangles", (None, 3)))]
+    return Mesh(entry.numbers("vertices", (None, 3)), entry.indices("triangles", (None, 3)))
 
 
 def _read_pose(entry: Table, key: str) -> Array:
@@ -230,9 +230,8 @@ def _number(entry: Table, value: Any, key: str) -> float:
 
 
 def _read_problem(entry: Table, robot: Robot, order: list[int], name: str) -> Problem:
-    scene = Scene(name=name).with_arm(robot.name, robot)
     with entry.blame():
-        scene = Scene(arms=scene.arms, obstacles=_read_obstacles(entry), name=name)
+        scene = Scene({robot.name: Arm(robot)}, _read_obstacles(entry), name=name)
         start = entry.numbers("start", (robot.nq,))[order]
         goals = entry.numbers("goals", (None, robot.nq))[:, order]
         unknown = [key for key in entry.unasked() if isinstance(entry.raw(key), list | dict)]
@@ -241,13 +240,13 @@ def _read_problem(entry: Table, robot: Robot, order: list[int], name: str) -> Pr
         return Problem(scene, start, [JointGoal(goal) for goal in goals])
 
 
-# The length of a row, and the shapes that it represents.
-_MAKERS: dict[str, tuple[int, Callable[[Sequence[Any]], list[Shape]]]] = {
-    "boxes": (4, lambda row: [Box(row[1])]),
-    "cylinders": (5, lambda row: [Cylinder(row[1], row[2])]),
-    "capsules": (5, lambda row: [Capsule(row[1], row[2])]),
-    "meshes": (5, lambda row: [Mesh(row[1], row[2])]),
-    "spheres": (3, lambda row: [Sphere(row[1])]),
+# The length of a row, and the shape that it represents.
+_MAKERS: dict[str, tuple[int, Callable[[Sequence[Any]], Shape]]] = {
+    "boxes": (4, lambda row: Box(row[1])),
+    "cylinders": (5, lambda row: Cylinder(row[1], row[2])),
+    "capsules": (5, lambda row: Capsule(row[1], row[2])),
+    "meshes": (5, lambda row: Mesh(row[1], row[2])),
+    "spheres": (3, lambda row: Sphere(row[1])),
 }
 
 
@@ -260,13 +259,8 @@ def _read_obstacles(entry: Table) -> dict[str, Obstacle]:
             if row[0] in obstacles:
                 raise entry.error(f"has two obstacles named {row[0]!r}", kind)
             place = row[-1:] if kind == "spheres" else row[-2:]
-            obstacles[row[0]] = Obstacle(_geometries(row[0], make(row)), _world_pose(place))
+            obstacles[row[0]] = Obstacle([Geometry(row[0], make(row))], _world_pose(place))
     return obstacles
-
-
-def _geometries(name: str, shapes: Sequence[Shape]) -> tuple[Geometry, ...]:
-    names = [name] if len(shapes) == 1 else [f"{name}_{i}" for i in range(len(shapes))]
-    return tuple(Geometry(n, shape) for n, shape in zip(names, shapes, strict=True))
 
 
 def _world_pose(place: Sequence[Any]) -> Array:

@@ -45,7 +45,7 @@ def read_moveit_scene(file: str | Path) -> Scene:
         FormatError: it ends too early, a number is not finite, a type is unknown; names the line.
     """
     words = _Words(read_text(file), file)
-    scene = Scene(name=words.line() or text_stem(file))
+    title = words.line() or text_stem(file)
     obstacles: dict[str, Obstacle] = {}
     while (mark := words.word()) != ".":
         if mark != "*":
@@ -57,7 +57,7 @@ def read_moveit_scene(file: str | Path) -> Scene:
         if obstacle is not None:
             obstacles[name] = obstacle
     try:
-        return Scene(obstacles=obstacles, name=scene.name)
+        return Scene(obstacles=obstacles, name=title)
     except InputError as error:
         raise FormatError(str(error), file) from error
 
@@ -116,15 +116,14 @@ def _read_object(words: _Words, name: str) -> Obstacle | None:
     geometries: list[Geometry] = []
     for i in range(words.count()):
         try:
-            shapes = _read_shape(words)
+            shape = _read_shape(words)
         except FormatError:
             raise
         except InputError as error:
             raise words.error(f"object {name!r}: {error}") from error
         own = _read_pose(words)
         r, g, b, a = words.numbers(4)
-        color = None if a == 0.0 else (r, g, b, a)
-        geometries += [Geometry(f"{name}_{i}" if k == 0 else f"{name}_{i}_{k}", s, own, color) for k, s in shapes]
+        geometries.append(Geometry(f"{name}_{i}", shape, own, None if a == 0.0 else (r, g, b, a)))
     if newer:
         for _ in range(words.count()):
             words.word()
@@ -140,25 +139,16 @@ def _read_pose(words: _Words) -> Array:
         raise words.error(str(error)) from error
 
 
-def _read_shape(words: _Words) -> list[tuple[int, Shape]]:
+def _read_shape(words: _Words) -> Shape:
     kind = words.word()
     if kind not in _READERS:
         raise words.error(f"unknown type of shape {kind!r}, expected one of {', '.join(_READERS)}")
-    return list(enumerate(_READERS[kind](words)))
+    return _READERS[kind](words)
 
 
-def _read_box(words: _Words) -> list[Shape]:
-    x, y, z = words.numbers(3)
-    return [Box((x, y, z))]
-
-
-def _read_plane(words: _Words) -> list[Shape]:
+def _read_plane(words: _Words) -> Shape:
     a, b, c, d = words.numbers(4)
-    return [HalfSpace((a, b, c), -d / (math.hypot(a, b, c) or 1.0))]
-
-
-def _read_cone(words: _Words) -> list[Shape]:
-    return [cone(*words.numbers(2))]
+    return HalfSpace((a, b, c), -d / (math.hypot(a, b, c) or 1.0))
 
 
 def cone(radius: float, length: float) -> Mesh:
@@ -174,18 +164,18 @@ def cone(radius: float, length: float) -> Mesh:
     return convex_hull(np.array([*ring, (0.0, 0.0, base.length / 2)]))
 
 
-def _read_mesh(words: _Words) -> list[Shape]:
+def _read_mesh(words: _Words) -> Shape:
     n_vertices, n_faces = words.count(), words.count()
     vertices = np.array(words.numbers(3 * n_vertices)).reshape(-1, 3)
     faces = np.array([words.count() for _ in range(3 * n_faces)], dtype=np.int32).reshape(-1, 3)
-    return [Mesh(vertices, faces)]
+    return Mesh(vertices, faces)
 
 
-_READERS: dict[str, Callable[[_Words], list[Shape]]] = {
-    "box": _read_box,
-    "sphere": lambda words: [Sphere(words.number())],
-    "cylinder": lambda words: [Cylinder(*words.numbers(2))],
-    "cone": _read_cone,
+_READERS: dict[str, Callable[[_Words], Shape]] = {
+    "box": lambda words: Box(words.numbers(3)),
+    "sphere": lambda words: Sphere(words.number()),
+    "cylinder": lambda words: Cylinder(*words.numbers(2)),
+    "cone": lambda words: cone(*words.numbers(2)),
     "plane": _read_plane,
     "mesh": _read_mesh,
 }
