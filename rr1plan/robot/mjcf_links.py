@@ -201,8 +201,7 @@ class MjcfLinkReader:
 
 def _ellipsoid(x: float, y: float, z: float) -> Mesh:
     """A convex polyhedron around an ellipsoid with these semi-axes, at most 1 % larger."""
-    hull = convex_hull(_sphere_points() * (x, y, z))
-    return Mesh(hull.vertices, hull.faces, convex=True)
+    return convex_hull(_sphere_points() * (x, y, z))
 
 
 @cache
