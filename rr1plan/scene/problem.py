@@ -296,12 +296,10 @@ def subproblem(problem: Problem, arms: tuple[str, ...], scene: Scene) -> Problem
     return unchecked(Problem, scene=scene, start=read_only(start), goal=goal, arms=arms, margin=0.0)
 
 
-def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:
+def _moving_arms(scene: Scene, goal: object, arms: str | Sequence[str] | None) -> tuple[str, ...]:
     """The arms that move, in the order of the scene."""
     if arms is not None:
-        if not isinstance(arms, str | Sequence):
-            raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
-        return scene.arm_names(arms if isinstance(arms, str) else list(arms))
+        return scene.arm_names(arms)
     if isinstance(goal, Mapping):
         if not goal:
             raise InputError("goal is an empty mapping, expected a goal of at least one arm")
@@ -328,7 +326,7 @@ def _start(scene: Scene, arms: tuple[str, ...], start: Any) -> Array:
         given = dict.fromkeys(arms, start)
     else:
         values = finite_array("start", start, (sum(r.nq for r in robots.values()),))
-        given = {name: q for name, q in scene.split(values, arms).items() if name in arms}
+        given = scene.split(values, arms)
     return np.concatenate(
         [robots[n].configuration(given[n], f"start of {n!r}") if n in given else scene.arms[n].q for n in arms]
     )
