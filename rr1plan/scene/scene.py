@@ -13,7 +13,7 @@ from rr1plan.checks import check_text, finite_number, items_of, known_name, of_k
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene.scene_content import SceneContent
-from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, moved_arm, pair, posed_shapes, unchecked
+from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, moved_arm, pair, unchecked
 from rr1plan.shapes import Color, HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 
@@ -59,11 +59,10 @@ class Scene(SceneContent):
             UnknownNameError: no such arm.
         """
         self.arm(name)
-        gone = {n for n, held in self.attachments.items() if held.arm == name}
         return with_fewer(
             self,
             arms={n: a for n, a in self.arms.items() if n != name},
-            attachments={n: h for n, h in self.attachments.items() if n not in gone},
+            attachments={n: held for n, held in self.attachments.items() if held.arm != name},
         )
 
     def with_configuration(self, name: str, q: str | ArrayLike) -> Scene:
@@ -114,7 +113,7 @@ class Scene(SceneContent):
         check_text("name", name)
         if isinstance(shape, Shape):
             shape = (Geometry(name, shape, identity(), color),)
-        return self.with_obstacles({name: Obstacle(posed_shapes(shape), as_pose(pose), mass, friction)})
+        return self.with_obstacles({name: Obstacle(shape, as_pose(pose), mass, friction)})
 
     def with_obstacles(self, obstacles: Mapping[str, Obstacle]) -> Scene:
         """A scene with more obstacles by name (or others of those names), such as those of `stack_bodies`.

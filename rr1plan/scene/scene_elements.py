@@ -96,7 +96,7 @@ class Obstacle(Value):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "geometries", posed_shapes(self.geometries))
+        object.__setattr__(self, "geometries", _posed_shapes(self.geometries))
         object.__setattr__(self, "pose", as_pose(self.pose, "obstacle pose"))
         if not self.geometries:
             raise InputError("an obstacle has at least one shape, got none")
@@ -125,7 +125,7 @@ def _check_loose_body(thing: Obstacle | Attachment) -> None:
             )
 
 
-def posed_shapes(values: Any) -> tuple[Geometry, ...]:
+def _posed_shapes(values: Any) -> tuple[Geometry, ...]:
     """Posed shapes.
 
     Raises:
@@ -171,7 +171,7 @@ class Attachment(Value):
     friction: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "geometries", posed_shapes(self.geometries))
+        object.__setattr__(self, "geometries", _posed_shapes(self.geometries))
         object.__setattr__(self, "pose", as_pose(self.pose, "pose of the held object"))
         object.__setattr__(self, "touch", frozenset(self.touch))
         _check_loose_body(self)
