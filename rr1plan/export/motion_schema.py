@@ -180,7 +180,7 @@ class Obstacle(Entry):
 
 class Attachment(Entry):
     name: Name
-    geometries: list[Geometry]
+    geometries: Annotated[list[Geometry], Meta(min_length=1)]
     arm: Name
     link: Name
     pose: Pose

@@ -98,8 +98,6 @@ class Obstacle(Value):
     def __post_init__(self) -> None:
         object.__setattr__(self, "geometries", _posed_shapes(self.geometries))
         object.__setattr__(self, "pose", as_pose(self.pose, "obstacle pose"))
-        if not self.geometries:
-            raise InputError("an obstacle has at least one shape, got none")
         _check_loose_body(self)
 
 
@@ -126,10 +124,10 @@ def _check_loose_body(thing: Obstacle | Attachment) -> None:
 
 
 def _posed_shapes(values: Any) -> tuple[Geometry, ...]:
-    """Posed shapes.
+    """Posed shapes, at least one.
 
     Raises:
-        InputError: not shapes.
+        InputError: not shapes, or none.
     """
     try:
         geometries = tuple(values)
@@ -145,6 +143,8 @@ def _posed_shapes(values: Any) -> tuple[Geometry, ...]:
             f"got {shown(values)} as an object's shape, expected a shape such as Box((1, 1, 1)) in "
             f"with_obstacle, or a list of Geometry(name, shape, pose){advice}"
         )
+    if not geometries:
+        raise InputError("an object of a scene has at least one shape, got none")
     return geometries
 
 
@@ -153,7 +153,7 @@ class Attachment(Value):
     """An object that moves with a link.
 
     Args:
-        geometries: Its shapes, posed in the object's frame.
+        geometries: Its shapes, posed in the object's frame, at least one.
         arm: The arm that holds it.
         link: The link it is fixed to.
         pose: T_link_object, shape (4, 4).

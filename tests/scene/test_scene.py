@@ -279,6 +279,8 @@ def test_wrong_calls_are_refused(two: Scene, rr1: Robot) -> None:
         two.with_padding(0.1, "left")
     with pytest.raises(InputError, match="at least one shape"):
         Obstacle(())
+    with pytest.raises(InputError, match="at least one shape"):  # which a file of the scene could not hold
+        Attachment((), "left", "tool", identity())
     with pytest.raises(InputError, match="arm configuration has 1 number"):
         Arm(rr1, q=[0.0])
     with pytest.raises(InputError, match="cannot carry"):
@@ -286,7 +288,7 @@ def test_wrong_calls_are_refused(two: Scene, rr1: Robot) -> None:
     with pytest.raises(InputError, match="cannot carry"):
         two.with_obstacle("scan", PointCloud([[0.0, 0, 0]])).attach("scan", "left")
     with pytest.raises(UnknownNameError, match="unknown link"):
-        Scene(two.arms, attachments={"x": Attachment((), "left", "gripper", identity())})
+        Scene(two.arms, attachments={"x": Attachment((Geometry("x", Sphere(0.1)),), "left", "gripper", identity())})
 
 
 def test_pairs_of_rules_are_checked_and_unordered(two: Scene) -> None:
