@@ -22,8 +22,8 @@ from rr1plan.scene import Arm, Attachment, Obstacle, Scene, pair
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, RegionGoal
 from rr1plan.scene.scene_elements import names_of_pair
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.shapes.content_digest import value_hash
 from rr1plan.shapes.convex_hulls import bounds_its_hull
-from rr1plan.shapes.stored_shapes import shape_hash
 from rr1plan.trajectory import Trajectory
 
 # Classes whose fields are those of the entry of the same name.
@@ -68,7 +68,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
     if stored is not None and isinstance(value, Mesh | PointCloud):
         points = value.vertices if isinstance(value, Mesh) else value.points
         if len(points) > _FEW:
-            sha256 = shape_hash(value)
+            sha256 = value_hash(value)
             stored[sha256] = value
             return {"type": "stored", "sha256": sha256}
     return _plain_fields(value, stored)

@@ -33,7 +33,8 @@ from rr1plan.scene import Scene
 from rr1plan.scene.joint_units import joint_units
 from rr1plan.scene.problem import Problem
 from rr1plan.shapes import Mesh, PointCloud
-from rr1plan.shapes.stored_shapes import FOLDER, read_shape, shape_hash, store_shapes
+from rr1plan.shapes.content_digest import value_hash
+from rr1plan.shapes.stored_shapes import FOLDER, read_shape, store_shapes
 from rr1plan.trajectory import Trajectory
 
 _FORMAT = "rr1plan"
@@ -305,7 +306,7 @@ class _Geometry:
     def __init__(self, file: pathlib.Path, scene: Scene | None) -> None:
         self.has_scene = scene is not None
         self._folder = file.parent / FOLDER
-        self._known = {} if scene is None else {shape_hash(shape): shape for shape in _large_shapes(scene)}
+        self._known = {} if scene is None else {value_hash(shape): shape for shape in _large_shapes(scene)}
 
     def __call__(self, sha256: str) -> Mesh | PointCloud:
         if sha256 not in self._known:

@@ -10,12 +10,12 @@ import numpy as np
 from rr1plan.checks import Array, counted, of_kind
 from rr1plan.errors import InputError
 from rr1plan.object_cache import kept_in
-from rr1plan.robot import Geometry, Robot
+from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.scene import Scene
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
-from rr1plan.shapes.content_digest import feed_digest
+from rr1plan.shapes.content_digest import value_hash
 from rr1plan.transforms import rotation_angle
 
 _T = TypeVar("_T")
@@ -187,20 +187,8 @@ def _described(shape: Shape) -> str:
             return f"mesh of {counted(len(shape.faces), 'triangle')}"
 
 
-def _content(geometries: tuple[Geometry, ...]) -> bytes:
-    collected = _Bytes()
-    feed_digest(collected, [(g.pose, g.shape) for g in geometries])
-    return bytes(collected.data)
-
-
-class _Bytes:
-    """Collects the input of a hash, for comparison."""
-
-    def __init__(self) -> None:
-        self.data = bytearray()
-
-    def update(self, data: bytes) -> None:
-        self.data += data
+def _content(geometries: tuple[Geometry, ...]) -> str:
+    return value_hash([(g.pose, g.shape) for g in geometries])
 
 
 def _robot(before: Robot, after: Robot) -> Iterator[str]:
@@ -237,15 +225,14 @@ def _parts(kind: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> It
             yield f"has another {kind} {name!r}"
 
 
-def _part_content(part: Any) -> bytes:
-    collected, skipped = _Bytes(), ("visuals", "collisions", "inertial")
+def _part_content(part: Link | Joint) -> str:
+    skipped = ("visuals", "collisions", "inertial")
     values = [getattr(part, name) for name in part.__dataclass_fields__ if name not in skipped]
-    feed_digest(collected, values)
-    if hasattr(part, "collisions"):
+    if isinstance(part, Link):
         own = part.inertial
-        feed_digest(collected, [] if own is None else [own.mass, own.com, own.inertia])
-        feed_digest(collected, [(g.name, g.pose, g.shape) for g in part.collisions])
-    return bytes(collected.data)
+        values += [() if own is None else (own.mass, own.com, own.inertia)]
+        values += [(g.name, g.pose, g.shape) for g in part.collisions]
+    return value_hash(values)
 
 
 def _rules(before: Scene, after: Scene) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,13 @@ import numpy as np
 from rr1plan.shapes import Mesh, PointCloud
 
 _PLAIN = frozenset((float, int, str, bool, type(None)))
+
+
+def value_hash(value: Any) -> str:
+    """SHA-256 of nested values, arrays and shapes (hex)."""
+    digest = hashlib.sha256()
+    feed_digest(digest, value)
+    return digest.hexdigest()
 
 
 def feed_digest(digest: Any, value: Any) -> None:

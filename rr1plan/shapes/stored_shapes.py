@@ -6,7 +6,6 @@ rejected if its content does not have the hash in its name.
 
 from __future__ import annotations
 
-import hashlib
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,16 +16,9 @@ from rr1plan.errors import FormatError, InputError
 from rr1plan.files.file_access import read_bytes, write_bytes
 from rr1plan.files.npy_files import Arrays, parse_archive
 from rr1plan.shapes import Mesh, PointCloud
-from rr1plan.shapes.content_digest import feed_digest
+from rr1plan.shapes.content_digest import value_hash
 
 FOLDER = "geometry"
-
-
-def shape_hash(shape: Mesh | PointCloud) -> str:
-    """SHA-256 of a shape's content (hex)."""
-    digest = hashlib.sha256()
-    feed_digest(digest, shape)
-    return digest.hexdigest()
 
 
 def store_shapes(folder: Path, shapes: Mapping[str, Mesh | PointCloud]) -> None:
@@ -65,7 +57,7 @@ def read_shape(folder: Path, sha256: str) -> Mesh | PointCloud:
         raise
     except ValueError as error:  # an InputError of the shape is one
         raise FormatError(f"holds no mesh or point cloud: {error}", file) from error
-    if shape_hash(shape) != sha256:
+    if value_hash(shape) != sha256:
         raise FormatError(
             "was altered after it was written: its content does not have the sha256 that is its name", file
         )
