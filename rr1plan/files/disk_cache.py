@@ -2,24 +2,23 @@
 
 The folder is RR1PLAN_CACHE, else the user's cache folder. If the cache is not accessible
 or an entry is damaged, the result is recomputed. Entries are arrays, never pickles,
-written to a temporary file and renamed, so that several processes can share the folder.
+and written atomically, so that several processes can share the folder.
 """
 
 from __future__ import annotations
 
 import hashlib
 import logging
-import os
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan.errors import InputError
 from rr1plan.files.cache_folder import cache_folder
-from rr1plan.files.npy_files import Arrays, parse_archive
+from rr1plan.files.file_access import write_bytes
+from rr1plan.files.npy_files import Arrays, archive_bytes, parse_archive
 
 log = logging.getLogger(__name__)
 
@@ -48,15 +47,9 @@ def load_cached(key: str) -> Arrays | None:
 
 def store_cached(key: str, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Cache arrays under a key, if the cache is writable."""
-    temporary: str | None = None
     try:
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".part")
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **dict(arrays))  # type: ignore[arg-type]  # numpy's stub mistakes ** for options
-        Path(temporary).replace(folder / f"{key}.npz")
-    except (OSError, RuntimeError) as error:
+        write_bytes(folder / f"{key}.npz", archive_bytes(arrays))
+    except (OSError, RuntimeError, InputError) as error:
         log.info("the cache cannot be written: %s", error)
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)

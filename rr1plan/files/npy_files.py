@@ -9,6 +9,7 @@ import io
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -55,3 +56,10 @@ def parse_archive(data: bytes) -> Arrays:
     except _DAMAGED as error:
         raise ValueError(f"damaged archive: {error}") from error
     return {name.removesuffix(".npy"): parse_array(entry) for name, entry in entries.items()}
+
+
+def archive_bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """The content of a .npz file of arrays by name, compressed."""
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **dict(arrays))  # type: ignore[arg-type]  # numpy's stub mistakes ** for options
+    return stream.getvalue()

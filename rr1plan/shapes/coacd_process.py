@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError
+from rr1plan.files.npy_files import archive_bytes
 
 Wait = Callable[[float], None]
 
@@ -62,7 +63,7 @@ def coacd_pieces(
     pipe, flags = subprocess.PIPE, getattr(subprocess, "CREATE_NO_WINDOW", 0)
     # The mesh is in a file: a large one fills a pipe, and after a timeout `communicate` does not send the rest.
     with tempfile.TemporaryFile() as mesh:
-        mesh.write(_packed({"vertices": vertices, "faces": faces}))
+        mesh.write(archive_bytes({"vertices": vertices, "faces": faces}))
         mesh.seek(0)
         with subprocess.Popen(arguments, stdin=mesh, stdout=pipe, stderr=pipe, creationflags=flags) as child:
             try:
@@ -96,12 +97,6 @@ def _communicate(child: subprocess.Popen[bytes], seconds: float, wait: Wait) -> 
             wait(spent)
 
 
-def _packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    stream = io.BytesIO()
-    np.savez(stream, **dict(arrays))  # type: ignore[arg-type]  # numpy's stub mistakes ** for options
-    return stream.getvalue()
-
-
 def write_pieces(seconds: float, options: Mapping[str, Any]) -> None:
     """Main function of the child; it exits after `seconds`."""
     if hasattr(signal, "alarm"):
@@ -110,7 +105,7 @@ def write_pieces(seconds: float, options: Mapping[str, Any]) -> None:
     os.dup2(2, 1)  # CoACD prints its messages to standard output
     with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as mesh:
         pieces = _pieces(mesh["vertices"], mesh["faces"], options)
-    result.write(_packed({str(i): piece for i, piece in enumerate(pieces)}))
+    result.write(archive_bytes({str(i): piece for i, piece in enumerate(pieces)}))
     result.close()
 
 

@@ -6,7 +6,6 @@ rejected if its content does not have the hash in its name.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.file_access import read_bytes, write_bytes
-from rr1plan.files.npy_files import Arrays, parse_archive
+from rr1plan.files.npy_files import Arrays, archive_bytes, parse_archive
 from rr1plan.shapes import Mesh, PointCloud
 from rr1plan.shapes.content_digest import value_hash
 
@@ -39,9 +38,8 @@ def store_shapes(folder: Path, shapes: Mapping[str, Mesh | PointCloud]) -> None:
         try:
             read_shape(folder, sha256)
         except FormatError:
-            packed = io.BytesIO()
-            np.savez_compressed(packed, **{name: getattr(shape, name) for name in shape.__dataclass_fields__})
-            write_bytes(_file(folder, sha256), packed.getvalue())
+            arrays = {name: np.asarray(getattr(shape, name)) for name in shape.__dataclass_fields__}
+            write_bytes(_file(folder, sha256), archive_bytes(arrays))
 
 
 def read_shape(folder: Path, sha256: str) -> Mesh | PointCloud:
