@@ -17,6 +17,7 @@ from rr1plan.cli.console import Console
 from rr1plan.cli.exit_codes import BAD_INPUT, OK
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
+from rr1plan.robot.joint_limits import LIMIT_NAMES
 from rr1plan.robot.robot_packages import PACKAGE, installed_robots
 from rr1plan.scene.model_library import load_robot, load_scene_file, robot_names, scene_names
 from rr1plan.scene.scene_toml import SceneFile
@@ -68,7 +69,7 @@ def _robot_values(robot: Robot) -> dict[str, Any]:
         {
             "name": name,
             "kind": robot.joint(name).kind,
-            **{k: _finite(getattr(limits, k)[i]) for k in limits.__dataclass_fields__},
+            **{k: _finite(getattr(limits, k)[i]) for k in LIMIT_NAMES},
         }
         for i, name in enumerate(robot.joint_names)
     ]
@@ -99,11 +100,10 @@ def _say_robot(robot: Robot, console: Console) -> None:
     console.say(
         f"{robot.name}: {counted(len(robot.links), 'link')}, {values['mass']:.2f} kg{estimated}, tool {robot.tool}"
     )
-    columns = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
     rows = [
-        (j["name"], j["kind"], *("-" if j[c] is None else f"{j[c]:.4g}" for c in columns)) for j in values["joints"]
+        (j["name"], j["kind"], *("-" if j[c] is None else f"{j[c]:.4g}" for c in LIMIT_NAMES)) for j in values["joints"]
     ]
-    console.table(("joint", "kind", *columns), rows)
+    console.table(("joint", "kind", *LIMIT_NAMES), rows)
     console.say("units: rad, s and Nm; of prismatic joints m, s and N")
     if assumed := values["assumed_limits"]:
         console.say(f"{' and '.join(assumed)} are assumed: the robot's file has no such limits")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, Value, counted, items_of, number_array, of_kind, positive_number, read_only, shown
 from rr1plan.errors import InputError
@@ -14,6 +15,7 @@ from rr1plan.errors import InputError
 WIDEST = 8.0 * np.pi
 """Farthest limit of a revolute joint that is taken as an angle without a warning [rad]."""
 _POSITIVE = ("velocity", "acceleration", "jerk", "effort")
+LIMIT_NAMES = ("lower", "upper", *_POSITIVE)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,7 +55,7 @@ class Limits(Value):
 
     def __post_init__(self) -> None:
         n = None
-        for name in ("lower", "upper", *_POSITIVE):
+        for name in LIMIT_NAMES:
             array = number_array(f"limits: {name}", getattr(self, name))
             if array.ndim != 1 or np.isnan(array).any():
                 raise InputError(f"limits: {name} is {shown(array.tolist())}, expected a list of numbers without NaN")
@@ -110,5 +112,9 @@ class Limits(Value):
             of_kind("one of the parts", part, Limits)
         if len(parts) == 1:
             return parts[0]
-        names = ("lower", "upper", *_POSITIVE)
-        return Limits(**{name: np.concatenate([np.empty(0), *(getattr(p, name) for p in parts)]) for name in names})
+        return Limits(*(np.concatenate([np.empty(0), *(getattr(p, name) for p in parts)]) for name in LIMIT_NAMES))
+
+
+def selected_limits(limits: Limits, columns: Sequence[int] | NDArray[np.int64]) -> Limits:
+    """The limits of some joints, in the order of their columns."""
+    return Limits(*(getattr(limits, name)[columns] for name in LIMIT_NAMES))

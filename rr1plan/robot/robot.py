@@ -28,7 +28,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.notebook_view import NotebookView
-from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.joint_limits import LIMIT_NAMES, Limits
 from rr1plan.robot.robot_parts import Joint, Link
 from rr1plan.shapes import Mesh
 from rr1plan.shapes.content_digest import feed_digest
@@ -162,9 +162,7 @@ class Robot(Value, NotebookView):
         """All joints in the order of `joints`, planning joints with the limits of `limits`."""
         limited = {}
         for j, name in enumerate(self.joint_names):
-            own: dict[str, Any] = {
-                limit: float(getattr(self.limits, limit)[j]) for limit in Limits.__dataclass_fields__
-            }
+            own: dict[str, Any] = {limit: float(getattr(self.limits, limit)[j]) for limit in LIMIT_NAMES}
             limited[name] = replace(self.joint(name), **own)
         return tuple(limited.get(joint.name, joint) for joint in self.joints)
 
@@ -225,7 +223,7 @@ class Robot(Value, NotebookView):
                 sorted(sorted(p) for p in self.disabled_collisions),
             ),
         )
-        feed_digest(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
+        feed_digest(digest, [[getattr(self.limits, n) for n in LIMIT_NAMES]])
         for joint in self.joints:
             feed_digest(digest, [getattr(joint, n) for n in joint.__dataclass_fields__ if n not in _IN_LIMITS])
         for link in self.links:

@@ -24,9 +24,7 @@ from rr1plan.errors import FormatError, InputError
 from rr1plan.files.checked_tables import Table
 from rr1plan.files.documents import read_toml
 from rr1plan.robot import Robot
-from rr1plan.robot.joint_limits import Limits
-
-_LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
+from rr1plan.robot.joint_limits import LIMIT_NAMES, Limits
 
 Rows = Mapping[str, Mapping[str, float]]
 
@@ -90,14 +88,14 @@ def _rows(preset: Table) -> Rows:
     found: dict[str, dict[str, float]] = {}
     for joint in preset.names():
         row = preset.table(joint)
-        found[joint] = {name: row.number(name) for name in _LIMITS if name in row}
+        found[joint] = {name: row.number(name) for name in LIMIT_NAMES if name in row}
         row.finish()
     return found
 
 
 def _limits(robot: Robot, rows: Rows) -> Limits:
     """A preset's limits in the order of the planning joints; rows of other joints are ignored."""
-    values = {name: np.array(getattr(robot.limits, name)) for name in _LIMITS}
+    values = {name: np.array(getattr(robot.limits, name)) for name in LIMIT_NAMES}
     movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
     for joint, row in rows.items():
         if known_name("joint", joint, movable) in robot.joint_names:

@@ -11,7 +11,7 @@ from rr1plan.checks import Array, counted, of_kind
 from rr1plan.errors import InputError
 from rr1plan.object_cache import kept_in
 from rr1plan.robot import Geometry, Joint, Link, Robot
-from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.joint_limits import LIMIT_NAMES, Limits
 from rr1plan.scene.scene import Scene
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -207,7 +207,7 @@ def _robot(before: Robot, after: Robot) -> Iterator[str]:
 
 
 def _limits(names: tuple[str, ...], before: Limits, after: Limits) -> Iterator[str]:
-    for kind in before.__dataclass_fields__:
+    for kind in LIMIT_NAMES:
         old, new = getattr(before, kind), getattr(after, kind)
         changed = [f"{n} {b:.6g} (was {a:.6g})" for n, a, b in zip(names, old, new, strict=True) if a != b]
         if changed:

@@ -39,6 +39,7 @@ from rr1plan.files.documents import parse_toml
 from rr1plan.files.file_access import read_text, text_stem
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
+from rr1plan.robot.joint_limits import LIMIT_NAMES
 from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 from rr1plan.scene.problem import Problem
@@ -71,7 +72,6 @@ _VERSION = 1
 _CONTENT = ("arms", "obstacles", "attachments", "padding", "allowed", "pair_padding", "queries")
 _FRICTION = Obstacle.friction
 _MAX_BYTES = 64 * 1024 * 1024
-_LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +289,7 @@ def _with_limits(robot: Robot, entry: Table) -> Robot:
         with entry.blame("limits"):
             return robot.with_limits(entry.string("limits"))
     table = entry.table("limits")
-    values = {name: table.raw(name) for name in _LIMITS if name in table}
+    values = {name: table.raw(name) for name in LIMIT_NAMES if name in table}
     for name, value in values.items():
         if not isinstance(value, list) or len(value) != robot.nq or not all(is_number(v) for v in value):
             raise table.error(f"expected a list of {counted(robot.nq, 'number')}, one for each joint", name)
@@ -414,9 +414,9 @@ def _arm_entries(arm: Arm, robot: str, made: Robot | None) -> dict[str, object]:
 
 def _limits_entry(robot: Robot) -> Any:
     for name, preset in robot.presets.items():
-        if all(np.array_equal(getattr(preset, n), getattr(robot.limits, n)) for n in _LIMITS):
+        if all(np.array_equal(getattr(preset, n), getattr(robot.limits, n)) for n in LIMIT_NAMES):
             return name
-    return {name: getattr(robot.limits, name).tolist() for name in _LIMITS}
+    return {name: getattr(robot.limits, name).tolist() for name in LIMIT_NAMES}
 
 
 def _attachment_entries(name: str, held: Attachment) -> dict[str, object]:

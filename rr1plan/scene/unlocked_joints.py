@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from rr1plan.robot import Robot
-from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.joint_limits import Limits, selected_limits
 from rr1plan.robot.robot_builder import urdf_limits
 from rr1plan.scene import Arm, Scene
 
@@ -50,11 +50,10 @@ def unlocked_scene(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene
 def locked_robot(robot: Robot, joints: tuple[str, ...], values: tuple[float, ...]) -> Robot:
     """The same robot with some planning joints locked at values: the reverse of `unlocked_robot`."""
     kept = [j for j, name in enumerate(robot.joint_names) if name not in joints]
-    limits = (getattr(robot.limits, row.name)[kept] for row in fields(Limits))
     return replace(
         robot,
         joint_names=tuple(robot.joint_names[j] for j in kept),
-        limits=Limits(*limits),
+        limits=selected_limits(robot.limits, kept),
         configurations={name: q[kept] for name, q in robot.configurations.items()},
         locked_joints={**robot.locked_joints, **dict(zip(joints, values, strict=True))},
         presets={},

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.report import Margin, Violation, ViolationKind
-from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.joint_limits import Limits, selected_limits
 from rr1plan.scene import Arm
 from rr1plan.validation.bernstein_extremes import Extremes
 from rr1plan.validation.referee_kernels import SOURCES, load_library
@@ -63,13 +63,10 @@ class Columns:
 
 def columns_of(arms: Mapping[str, Arm], places: Mapping[str, list[int]], names: tuple[str, ...]) -> Columns:
     """The columns of these names; `places` has the columns of each arm that moves."""
-    if not places:
-        return Columns(names, Limits(*([np.zeros(0)] * len(fields(Limits)))), arms)
     limits = Limits.stack([arms[arm].robot.limits for arm in places])
     order = [column for columns in places.values() for column in columns]
     if order != list(range(len(order))):
-        inverse = np.argsort(order)
-        limits = Limits(*(getattr(limits, f.name)[inverse] for f in fields(Limits)))
+        limits = selected_limits(limits, np.argsort(order))
     return Columns(names, limits, arms)
 
 
