@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from xml.sax.saxutils import quoteattr
 
@@ -103,7 +103,7 @@ def read_document(file: Path, lookup: MeshLookup) -> Document:
         raise root.error(f"the outermost element is <{root.tag}>, expected <mujoco>")
     _Includes(file, lookup, len(data)).resolve(root)
     _check_size(root)
-    writer = _Writer(file, lookup, _mesh_folder(root))
+    writer = _Writer(file, lookup, *_mesh_folder(root))
     writer.write(root, "", 0)
     return Document(
         file, root, "\n".join(writer.texts), tuple(writer.lines), writer.meshes, tuple(dict.fromkeys(writer.not_read))
@@ -178,24 +178,13 @@ def _replicas(element: Element) -> int:
     return int(count)
 
 
-@dataclass(frozen=True)
-class _MeshFolder:
-    """Mesh directories of the compiler elements; later elements override earlier ones."""
-
-    name: str = ""
-    strip_path: bool = False
-
-
-def _mesh_folder(root: Element) -> _MeshFolder:
-    found = _MeshFolder()
+def _mesh_folder(root: Element) -> tuple[str, bool]:
+    """The folder of mesh files, and whether theirs are ignored; later compiler elements override earlier ones."""
+    folder, strips = "", "false"
     for element in root.all("compiler"):
-        attributes = element.attributes
-        found = replace(
-            found,
-            name=attributes.get("meshdir", attributes.get("assetdir", found.name)),
-            strip_path=attributes.get("strippath", str(found.strip_path).lower()) == "true",
-        )
-    return found
+        folder = element.attributes.get("meshdir", element.attributes.get("assetdir", folder))
+        strips = element.attributes.get("strippath", strips)
+    return folder, strips == "true"
 
 
 @dataclass(eq=False)
@@ -204,7 +193,8 @@ class _Writer:
 
     file: Path
     lookup: MeshLookup
-    mesh_folder: _MeshFolder
+    mesh_folder: str
+    strip_path: bool
     texts: list[str] = field(default_factory=list)
     lines: list[Element | None] = field(default_factory=list)
     meshes: dict[str, MeshFile] = field(default_factory=dict)
@@ -264,11 +254,11 @@ class _Writer:
         written = element.text("file").replace("\\", "/")
         name = element.attributes.get("name") or PurePosixPath(written).stem
         if name not in self.meshes:  # MuJoCo rejects duplicate names
-            inside = PurePosixPath(written).name if self.mesh_folder.strip_path else written
+            inside = PurePosixPath(written).name if self.strip_path else written
             folders = (self.file.parent, *self.lookup.packages)
             try:
                 path = file_path(inside)
-                places = [folder / file_path(self.mesh_folder.name or ".") / path for folder in folders]
+                places = [folder / file_path(self.mesh_folder or ".") / path for folder in folders]
                 places += [folder / path for folder in folders[1:]]
             except InputError as error:
                 raise element.error(f"a mesh's {error}") from error
