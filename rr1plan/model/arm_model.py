@@ -15,6 +15,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Joint, Robot
 from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot import independent_joint
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import identity
 
@@ -207,16 +208,11 @@ def joint_axis(joint: pin.JointModel) -> tuple[bool, Array]:
 
 def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[int, float, float]:
     """Affine map of a joint: (column, gain, offset). `first` is the arm's first column, None for a fixed arm."""
-    gain, offset, seen = 1.0, 0.0, {joint.name}
-    leader = joint
-    while leader.name not in robot.joint_names and leader.name not in robot.locked_joints:
-        if leader.mimic is None or leader.mimic.joint in seen:
-            raise InputError(
-                f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor locked, and mimics no such joint"
-            )
-        gain, offset = gain * leader.mimic.multiplier, gain * leader.mimic.offset + offset
-        leader = robot.joint(leader.mimic.joint)
-        seen.add(leader.name)
+    leader, gain, offset = independent_joint(robot, joint)
+    if leader.name not in robot.joint_names and leader.name not in robot.locked_joints:
+        raise InputError(
+            f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor locked, and mimics no such joint"
+        )
     if leader.name not in robot.joint_names:
         return -1, 0.0, gain * robot.locked_joints[leader.name] + offset
     column = robot.joint_names.index(leader.name)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, finite_array, finite_number, of_kind
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
+from rr1plan.robot.robot import independent_joint
 
 TURN = 2.0 * np.pi
 _SLACK = 1e-12
@@ -29,10 +30,7 @@ def rotary(robot: Robot) -> NDArray[np.bool_]:
     """
     turns = {name: robot.joint(name).kind != "prismatic" for name in robot.joint_names}
     for follower in robot.joints:
-        leader, multiplier = follower, 1.0
-        while leader.mimic is not None and leader.name not in turns:
-            multiplier *= leader.mimic.multiplier
-            leader = robot.joint(leader.mimic.joint)
+        leader, multiplier, _ = independent_joint(robot, follower)
         whole = follower.kind != "prismatic" and multiplier == round(multiplier)
         if leader is not follower and leader.name in turns and not whole:
             turns[leader.name] = False

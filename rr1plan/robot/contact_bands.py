@@ -15,6 +15,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.robot import Robot
 from rr1plan.robot.link_contacts import LinkBodies, Pair
+from rr1plan.robot.robot import independent_joint
 
 # Number of sampled values of a joint; narrower bands may be missed.
 _GRID = 48
@@ -76,9 +77,7 @@ def joints_between(robot: Robot, pair: Pair) -> list[int]:
     """Indices of the planning joints that move two links relative to each other."""
     above = {robot.base: frozenset[str]()}
     for joint in robot.joints:
-        leader = joint
-        while leader.mimic is not None:
-            leader = robot.joint(leader.mimic.joint)
+        leader, _, _ = independent_joint(robot, joint)
         above[joint.child] = above[joint.parent] | ({leader.name} if joint.kind != "fixed" else set())
     one, two = (above[link] for link in pair)
     return [j for j, name in enumerate(robot.joint_names) if name in one ^ two]

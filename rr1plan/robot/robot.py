@@ -364,7 +364,9 @@ def poses_at(robot: Robot, values: Mapping[str, float], links: Set[str] | None =
 def independent_joint(robot: Robot, joint: Joint) -> tuple[Joint, float, float]:
     """The joint that a joint follows through a chain of mimics, with factor and offset; itself if it follows none."""
     factor, offset = 1.0, 0.0
-    while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
+    for _ in robot.joints:  # joints of a robot made in Python may mimic each other in a circle
+        if joint.mimic is None or joint.name in robot.joint_names or joint.name in robot.locked_joints:
+            break
         offset += factor * joint.mimic.offset
         factor *= joint.mimic.multiplier
         joint = robot.joint(joint.mimic.joint)
