@@ -92,6 +92,7 @@ def plan_motion(
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     check_plan_arguments(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
+    shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     seed = as_seed(rng)
     if margin is not None:
         problem = problem.with_margin(margin)  # so that saved motions and their pages plan with it, too
@@ -100,7 +101,6 @@ def plan_motion(
         check_many_arms_retiming(planner, retiming)
         return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, seed, progress)
     chosen = chosen_planner(planner)
-    shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)

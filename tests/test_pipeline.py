@@ -40,6 +40,13 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
     np.testing.assert_array_equal(found.trajectory(0.0), problem.start)
 
 
+@pytest.mark.parametrize("planner", ["rrt_connect", "many_arms"])
+def test_flags_are_checked_for_each_planner(problem: rp.Problem, planner: str) -> None:
+    for flag in ("shorten", "torque_limits"):
+        with pytest.raises(rp.InputError, match=f"{flag} is 1, expected True or False"):
+            rp.plan_motion(problem, planner=planner, **{flag: 1})
+
+
 def test_a_status_is_the_text_of_its_value_in_comparisons_prints_and_json(problem: rp.Problem) -> None:
     motion = rp.plan_motion(problem, rng=1)
 
