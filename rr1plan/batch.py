@@ -180,14 +180,14 @@ def plan_many(
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
     known_name("retiming", retiming, retiming_names())
+    true_or_false("full", full)
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
-        if true_or_false("full", full) is False:
+        if not full:
             raise InputError(f"planner {planner!r} makes trajectories, not paths; leave full=True")
     settings = Settings(full, _sent_planner(planner, executor), retiming, budget)
     check_callback("progress", progress)
     of_kind("budget", budget, Budget, optional=True)
-    true_or_false("full", full)
     checked = _checked(problems, executor, workers)
     tasks = [Task(i, p, s) for i, (p, s) in enumerate(zip(checked, problem_seeds(rng, len(checked)), strict=True))]
     chunks = _chunks(tasks, workers or processors())
