@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, known_name, read_only, resolved_path
+from rr1plan.checks import Array, read_only, resolved_path, shown
 from rr1plan.files.checked_tables import Table, is_number
 from rr1plan.robot import Geometry
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
-from rr1plan.shapes.convex_decomposition import CONVEXITIES, convex_shapes
+from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity, convex_shapes
 from rr1plan.shapes.convex_hulls import bounds_its_hull
 from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.shapes.point_cloud_files import load_point_cloud
@@ -182,14 +182,21 @@ def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
     path = _inside(entry, folder)
     scale = entry.raw("scale", 1.0)
     factors = entry.numbers("scale", (3,)) if isinstance(scale, list) else np.full(3, entry.number("scale", 1.0))
-    convex = entry.string("convex", "")
+    convex = read_convexity(entry) if "convex" in entry else None
     entry.finish()
     x, y, z = factors.tolist()
     with entry.blame("scale"):
         mesh = load_mesh(path, scale=(x, y, z))
-    if not convex:
-        return (mesh,)
-    return tuple(convex_shapes([mesh], "hull" if known_name("convex", convex, CONVEXITIES) == "hull" else "pieces"))
+    return (mesh,) if convex is None else tuple(convex_shapes([mesh], convex))
+
+
+def read_convexity(entry: Table) -> Convexity:
+    """The convex replacement of meshes; "hull" without an entry."""
+    given = entry.string("convex", "hull")
+    for known in CONVEXITIES:
+        if given == known:
+            return known
+    raise entry.error(f"expected one of {', '.join(CONVEXITIES)}, got {shown(given)}", "convex")
 
 
 def _read_points(table: Table, folder: Path) -> tuple[Shape, ...]:

@@ -45,8 +45,8 @@ from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_elements import names_of_pair
 from rr1plan.scene.scene_queries import problem_entries, read_queries
-from rr1plan.scene.scene_shapes import geometries_entries, pose_entries, read_geometries, read_pose
-from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
+from rr1plan.scene.scene_shapes import geometries_entries, pose_entries, read_convexity, read_geometries, read_pose
+from rr1plan.shapes.convex_decomposition import Convexity
 
 
 class RobotLoader(Protocol):
@@ -239,7 +239,7 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
         tuple(str(resolved_path(folder / other)) for other in entry.strings("package_dirs")),
-        _convexity(entry),
+        read_convexity(entry),
         _xacro_arguments(entry),
     )
 
@@ -252,14 +252,6 @@ def _srdf(entry: Table, folder: Path) -> str | Literal[False] | None:
         raise entry.error(f"expected a file or false, got {shown(given)}", "srdf")
     with entry.blame("srdf"):
         return str(resolved_path(folder / given)) if given else None
-
-
-def _convexity(entry: Table) -> Convexity:
-    given = entry.string("convex", "hull")
-    for known in CONVEXITIES:
-        if given == known:
-            return known
-    raise entry.error(f"expected one of {', '.join(CONVEXITIES)}, got {shown(given)}", "convex")
 
 
 def _xacro_arguments(entry: Table) -> tuple[tuple[str, str], ...] | None:
