@@ -94,9 +94,10 @@ def propose_disabled_collisions(robot: Robot, *, samples: int = 1000, rng: Seed 
         A mapping from pair to reason; its `bands` are the pairs that touch in a band that splits a joint's range.
 
     Raises:
-        InputError: `samples` below 1.
+        InputError: not a robot, or `samples` below 1 or above a million.
     """
     of_kind("robot", robot, Robot)
+    whole_number("samples", samples, 1, _MOST_SAMPLES)
     generator = as_generator(rng)
     bodies = LinkBodies(robot)
     reasons, mixed = sampled_reasons(robot, samples, generator, bodies)
@@ -104,17 +105,10 @@ def propose_disabled_collisions(robot: Robot, *, samples: int = 1000, rng: Seed 
 
 
 def sampled_reasons(
-    robot: Robot, samples: int, generator: np.random.Generator, bodies: LinkBodies | None = None
+    robot: Robot, samples: int, generator: np.random.Generator, bodies: LinkBodies
 ) -> tuple[Mapping[Pair, Reason], frozenset[Pair]]:
-    """Pairs that need no check with the reason, and pairs that touch in some samples only.
-
-    Raises:
-        InputError: not a robot, or `samples` below 1 or above a million.
-    """
-    of_kind("robot", robot, Robot)
-    whole_number("samples", samples, 1, _MOST_SAMPLES)
+    """Pairs that need no check with the reason, and pairs that touch in some samples only."""
     found: dict[Pair, Reason] = dict.fromkeys(adjacent_pairs(robot.joints) | rigid_pairs(robot.joints), "Adjacent")
-    bodies = bodies or LinkBodies(robot)
     seen: dict[Pair, set[bool]] = {pair: set() for pair in bodies.pairs if pair not in found}
     for _ in range(samples):
         open_pairs = [pair for pair, outcomes in seen.items() if len(outcomes) < 2]
@@ -125,14 +119,15 @@ def sampled_reasons(
     return found, frozenset(pair for pair, outcomes in seen.items() if len(outcomes) == 2)
 
 
-def always_colliding(robot: Robot, samples: int) -> frozenset[Pair]:
+def always_colliding(robot: Robot, samples: int, bodies: LinkBodies) -> frozenset[Pair]:
     """Pairs of links that may not touch, but do at home and in each of some random configurations.
 
     Args:
         robot: The robot.
         samples: Number of random configurations, the same in each call.
+        bodies: Its links.
     """
-    generator, bodies = np.random.default_rng(0), LinkBodies(robot)
+    generator = np.random.default_rng(0)
     touching = touching_links(robot, robot.home, bodies)
     for _ in range(samples):
         if not touching:
@@ -141,9 +136,9 @@ def always_colliding(robot: Robot, samples: int) -> frozenset[Pair]:
     return frozenset(touching)
 
 
-def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int) -> frozenset[Pair]:
+def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, bodies: LinkBodies) -> frozenset[Pair]:
     """The pairs of links that touch in each of some random configurations, with locked joints at their values."""
-    generator, bodies = np.random.default_rng(0), LinkBodies(robot)
+    generator = np.random.default_rng(0)
     stuck = set(pairs)
     for _ in range(samples):
         if not stuck:
@@ -152,17 +147,18 @@ def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int) -> frozenset[Pair]
     return frozenset(stuck)
 
 
-def free_configuration(robot: Robot, wish: Array) -> Array:
+def free_configuration(robot: Robot, wish: Array, bodies: LinkBodies) -> Array:
     """A configuration without self-collision near `wish`, or `wish` itself if it is free.
 
     Args:
         robot: The robot.
         wish: Desired configuration [rad or m], shape (nq,).
+        bodies: Its links.
 
     Returns:
         The nearest free configuration found; if none was found, the nearest of those with the fewest pairs in contact.
     """
-    generator, bodies = np.random.default_rng(0), LinkBodies(robot)
+    generator = np.random.default_rng(0)
     pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
     best, fewest = wish, len(bodies.touching(robot.joint_values(wish), pairs))
     candidates = [_random(robot, generator) for _ in range(_HOME_SAMPLES)] if fewest else []
@@ -175,9 +171,8 @@ def free_configuration(robot: Robot, wish: Array) -> Array:
     return best
 
 
-def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> set[Pair]:
-    """Pairs of links in contact at q (nq,), except for allowed ones; `bodies` if already built."""
-    bodies = bodies or LinkBodies(robot)
+def touching_links(robot: Robot, q: Array, bodies: LinkBodies) -> set[Pair]:
+    """Pairs of links in contact at q (nq,), except for allowed ones."""
     return bodies.touching(
         robot.joint_values(q), [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
     )

@@ -25,7 +25,7 @@ from rr1plan.robot.disabled_collisions import (
     stuck_pairs,
     touching_links,
 )
-from rr1plan.robot.link_contacts import Pair
+from rr1plan.robot.link_contacts import LinkBodies, Pair
 
 log = logging.getLogger(__name__)
 
@@ -73,18 +73,19 @@ def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContac
 
 
 def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
+    bodies = LinkBodies(robot)
     if has_rules:
-        always = always_colliding(robot, SAMPLES)
+        always = always_colliding(robot, SAMPLES, bodies)
     else:
-        reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
+        reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0), bodies)
         always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")
     robot = replace(robot, disabled_collisions=robot.disabled_collisions | always)
     if not has_rules:
-        stuck = stuck_pairs(robot, touching_links(robot, robot.home), SAMPLES)
+        stuck = stuck_pairs(robot, touching_links(robot, robot.home, bodies), SAMPLES, bodies)
         always |= stuck
         robot = replace(robot, disabled_collisions=robot.disabled_collisions | stuck)
-    home = robot.home if keeps_home else free_configuration(robot, robot.home)
-    return SelfContacts(always, home, frozenset(touching_links(robot, home)))
+    home = robot.home if keeps_home else free_configuration(robot, robot.home, bodies)
+    return SelfContacts(always, home, frozenset(touching_links(robot, home, bodies)))
 
 
 def _packed(robot: Robot, found: SelfContacts) -> Arrays:

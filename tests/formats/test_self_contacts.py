@@ -77,6 +77,7 @@ def test_a_pair_that_touches_at_home_is_checked_though_locked_joints_hold_others
     assert not checker.is_free([0.0])
     assert checker.is_free(robot.home)
     # Where no configuration is free, the one with the fewest contacts is taken.
-    unruled = replace(robot, disabled_collisions=frozenset())
-    assert touching_links(unruled, np.zeros(1)) >= {frozenset(("arm", "right")), frozenset(("left", "right"))}
-    assert touching_links(unruled, free_configuration(unruled, np.zeros(1))) == {frozenset(("left", "right"))}
+    unruled, bodies = replace(robot, disabled_collisions=frozenset()), LinkBodies(robot)
+    assert touching_links(unruled, np.zeros(1), bodies) >= {frozenset(("arm", "right")), frozenset(("left", "right"))}
+    home = free_configuration(unruled, np.zeros(1), bodies)
+    assert touching_links(unruled, home, bodies) == {frozenset(("left", "right"))}

@@ -168,7 +168,7 @@ def test_a_state_that_stands_in_for_home_is_left_where_links_touch_in_it() -> No
         robot = assemble(tree, read_srdf(text, tree), Choice())
         assert robot.configurations[state].tolist() == [2.0] * 4
         assert (robot.home.tolist() == [2.0] * 4) == stays
-        assert bool(touching_links(robot, robot.home)) == stays
+        assert bool(touching_links(robot, robot.home, LinkBodies(robot))) == stays
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -304,7 +304,7 @@ def test_a_robot_whose_middle_collides_gets_a_free_home() -> None:
     middle = np.full(4, 2.0)
     assert bodies.touching(robot.joint_values(middle), pairs)
     assert not bodies.touching(robot.joint_values(robot.home), pairs)
-    assert np.array_equal(free_configuration(robot, robot.home), robot.home)
+    assert np.array_equal(free_configuration(robot, robot.home, bodies), robot.home)
 
 
 def test_pairs_that_leave_a_robot_without_an_srdf_no_free_place_are_not_checked(
@@ -321,7 +321,7 @@ def test_pairs_that_leave_a_robot_without_an_srdf_no_free_place_are_not_checked(
     robot = assemble(tree, None, Choice())
     assert frozenset(("l0", "l2")) in robot.disabled_collisions
     assert "l0 - l2" in caplog.text
-    assert not touching_links(robot, robot.home)
+    assert not touching_links(robot, robot.home, LinkBodies(robot))
 
 
 def test_rr1_has_an_end_effector_group_and_its_states(rr1: rp.Robot) -> None:
