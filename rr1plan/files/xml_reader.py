@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
-from rr1plan.checks import number_in
+from rr1plan.checks import file_path, number_in
 from rr1plan.errors import FormatError
 from rr1plan.files.file_access import read_bytes
 
@@ -266,10 +266,18 @@ def first_text(data: bytes, tag: str, file: str | Path | None = None) -> str:
     return "".join(texts).strip()
 
 
-def parse_xml_file(file: Path, root: str) -> Element:
-    """Parse a file.
+def parse_document(source: str | bytes | Path, root: str, file: str | Path | None = None) -> Element:
+    """Parse a file or a document, whose outermost element has the tag `root`.
+
+    Args:
+        source: A file's path, or the document itself: bytes, or text starting with "<".
+        root: The tag.
+        file: Origin of a document given as text, for messages.
 
     Raises:
         FormatError: the file cannot be read, or as `parse_xml`.
     """
-    return parse_xml(read_bytes(file, MAX_BYTES), root, file)
+    if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
+        return parse_xml(source.encode() if isinstance(source, str) else source, root, file)
+    path = file_path(source)
+    return parse_xml(read_bytes(path, MAX_BYTES), root, path)

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from rr1plan.checks import file_path
-from rr1plan.files.xml_reader import Element, parse_xml, parse_xml_file
+from rr1plan.files.xml_reader import Element, parse_document
 from rr1plan.robot import Joint
 from rr1plan.robot.urdf import Tree, refuse_xacro
 
@@ -68,10 +67,7 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
         FormatError: a duplicate group or one that contains itself, a value that is not a number, a macro of xacro, or
             malformed XML.
     """
-    if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
-        root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
-    else:
-        root = parse_xml_file(file_path(source), "robot")
+    root = parse_document(source, "robot", file)
     refuse_xacro(root, "if you trust it, write what the command xacro makes of it to a file .srdf")
     if root.text("name") != tree.name:
         log.warning("%s is for the robot %r, the URDF's is %r", root.file or "SRDF", root.text("name"), tree.name)

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rr1plan.checks import file_path, known_name
-from rr1plan.files.xml_reader import Element, parse_xml, parse_xml_file
+from rr1plan.checks import known_name
+from rr1plan.files.xml_reader import Element, parse_document
 from rr1plan.robot import Joint, Link
 from rr1plan.robot.gltf_axes import with_fitting_axes
 from rr1plan.robot.mesh_lookup import MeshLookup
@@ -65,11 +65,7 @@ def read_urdf(
         UnknownNameError: an unknown `convex`.
     """
     known_name("convex", convex, CONVEXITIES)
-    if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
-        root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
-    else:
-        file = file_path(source)
-        root = parse_xml_file(file, "robot")
+    root = parse_document(source, "robot", file)
     name = root.text("name")
     refuse_xacro(root, "if you trust it, name the file .xacro, or set option xacro_arguments")
     link_elements = _by_name(root, "link")
@@ -82,9 +78,9 @@ def read_urdf(
     _check_mimics(joint_elements, joints)
     joints = with_constant_joints_fixed(joint_elements, joints)
     order = _order(root, link_elements, joint_elements, joints)
-    reader = UrdfLinkReader(root, MeshLookup(package_dirs, file), convex)
+    reader = UrdfLinkReader(root, MeshLookup(package_dirs, root.file), convex)
     base = (set(link_elements) - {j.child for j in order}).pop()
-    source = name if file is None else str(file)
+    source = root.file or name
     links = [reader.link(link_elements[n]) for n in (base, *(j.child for j in order))]
     return Tree(name, tuple(with_fitting_axes(links, reader.gltf, source)), tuple(order), source)
 
