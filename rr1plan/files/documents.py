@@ -67,13 +67,13 @@ def read_yaml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
     return Table(documents[0] if documents else None, file)
 
 
-def read_yaml_documents(file: str | Path, max_bytes: int = MAX_BYTES) -> list[object]:
+def read_yaml_documents(file: str | Path) -> list[object]:
     """The documents of a YAML file, separated by "---", without empty ones.
 
     Raises:
         FormatError: as `read_yaml`.
     """
-    documents = _parse(read_text(file, max_bytes), file, "YAML", _bounded_yaml)
+    documents = _parse(read_text(file), file, "YAML", _bounded_yaml)
     return [document for document in documents if document is not None]
 
 

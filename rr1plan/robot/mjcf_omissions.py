@@ -12,6 +12,7 @@ from rr1plan.robot.mjcf_model import CompiledDocument
 
 log = logging.getLogger(__name__)
 
+_MOST_NAMES = 12  # in a warning
 _CONNECTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _TENDONS = int(mujoco.mjtEq.mjEQ_TENDON)
 _WRAPS_JOINT, _WRAPS_SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
@@ -94,6 +95,6 @@ def _is_on_robot(model: mujoco.MjModel, tendon: int, bodies: Container[int]) -> 
     return any(body in bodies for body in wrapped)
 
 
-def listed_names(names: Sequence[str], most: int = 12) -> str:
-    """The names, or the first `most` of them, separated by commas."""
-    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+def listed_names(names: Sequence[str]) -> str:
+    """The names, or the first of many, separated by commas."""
+    return ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
