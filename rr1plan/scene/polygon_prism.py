@@ -21,8 +21,8 @@ def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: str | Color
     A convex polygon is one piece; others are divided into triangles by ear clipping.
 
     Args:
-        corners: The corners in order, clockwise or counter-clockwise [m], shape (n, 2), 3 to 1000 of them. The last
-            one may repeat the first.
+        corners: The corners in order, clockwise or counter-clockwise [m], shape (n, 2), 3 to 1000 of them. Equal
+            neighbors, such as a first corner repeated at the end, count as one.
         height: Height; the prism reaches from -height / 2 to height / 2 [m].
         color: Its color: "#rrggbb", "#rrggbbaa" or rgba (0..1).
 
@@ -30,8 +30,7 @@ def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: str | Color
         InputError: invalid corners, a polygon that crosses itself or has no area, or a height that is not positive.
     """
     points = near_array("corners", corners, (None, 2))
-    if len(points) > 3 and (points[0] == points[-1]).all():  # closed, as other programs write polygons
-        points = points[:-1]
+    points = points[(points != np.roll(points, -1, axis=0)).any(axis=1)]
     if not 3 <= len(points) <= _MOST:
         raise InputError(f"corners has {len(points)} points, expected 3 to {_MOST}")
     height = positive_length("height", height)

@@ -176,8 +176,9 @@ def test_a_convex_polygon_is_one_piece() -> None:
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     (piece,) = rp.polygon_prism(hexagon, color=(1.0, 0.0, 0.0, 1.0))
     assert piece.color == (1.0, 0.0, 0.0, 1.0)
-    (closed,) = rp.polygon_prism([*hexagon, hexagon[0]])
-    np.testing.assert_array_equal(closed.shape.vertices, piece.shape.vertices)
+    for repeated in ([*hexagon, hexagon[0]], [*hexagon[:3], hexagon[2], *hexagon[3:]]):
+        (same,) = rp.polygon_prism(repeated)
+        np.testing.assert_array_equal(same.shape.vertices, piece.shape.vertices)
 
 
 @pytest.mark.parametrize(
