@@ -125,7 +125,7 @@ def scenes(options: Namespace, console: Console) -> int:
         check_scene_name(options.scene)
         with console.progress(f"loading {options.scene}"):
             values = _scene_values(load_scene_file(options.scene))
-        console.say(f"{values['name']}: {values['description']}")
+        console.say(": ".join(filter(None, (values["name"], values["description"]))))
         for kind in ("arms", "obstacles", "attachments", "queries"):
             console.say(f"{kind}: {', '.join(values[kind]) or '-'}")
         console.result(values)

@@ -560,6 +560,9 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
     assert "acceleration and jerk are assumed: the robot's file has no such limits" in capsys.readouterr().out
     assert run(["scenes", "rr1_table"]) == OK
     assert "reach_over_crate" in capsys.readouterr().out
+    Path("cell.toml").write_text("[obstacles.ball]\nsphere = 0.1\n")
+    assert run(["scenes", "cell.toml"]) == OK
+    assert capsys.readouterr().out.startswith("cell\narms: -\nobstacles: ball\n")
 
 
 def test_lessons_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> None:
