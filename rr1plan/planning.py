@@ -197,10 +197,8 @@ def check_plan_arguments(problem: object, budget: object, progress: object) -> N
     Raises:
         InputError: an argument of another type.
     """
-    if not isinstance(problem, Problem):
-        of_kind("problem", problem, Problem)
-    if budget is not None and not isinstance(budget, Budget):
-        raise InputError(f"budget is {shown(budget)}, expected a Budget, e.g. Budget(seconds=5)")
+    of_kind("problem", problem, Problem)
+    of_kind("budget", budget, Budget, optional=True)
     check_callback("progress", progress)
 
 

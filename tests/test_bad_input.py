@@ -108,7 +108,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "budget_duration": (lambda s: rp.Budget(np.timedelta64(1, "s")), rp.InputError, "budget is not a number"),
     "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "iterations of the budget is 1.5"),
     "budget_true": (lambda s: rp.Budget(1, True), rp.InputError, "iterations of the budget is True"),
-    "budget_number": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), budget=5), rp.InputError, "expected a Budget"),
+    "budget_number": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), budget=5), rp.InputError, "expected Budget"),
     "planner_none": (lambda s: rp.plan(rp.Problem(s, "home", "zero"), planner=None), rp.InputError, "planner"),
     "far_pose": (lambda s: rp.PoseGoal("tool", [1e300, 0, 0]), rp.InputError, "goal position"),
     "far_obstacle": (lambda s: s.with_obstacle("box", BOX, [1e10, 0, 0]), rp.InputError, "at most 10000"),

@@ -182,7 +182,7 @@ def test_rr1_goes_into_the_cage_and_out(is_certified):
     ("wrong", "said"),
     [
         ({"problem": "over the seam"}, "problem is of type str"),
-        ({"budget": 5.0}, "budget is 5.0, expected a Budget"),
+        ({"budget": 5.0}, "budget is of type float, expected Budget, e.g. Budget"),
         ({"progress": "bar"}, "progress is 'bar'"),
     ],
 )
