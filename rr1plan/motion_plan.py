@@ -196,9 +196,8 @@ class MotionPlan(NotebookView):
     def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
         """The document of the motion's page, and its options with all panels."""
         from rr1plan.playback.viewer.page_document import view_document
-        from rr1plan.playback.viewer.view_options import checked_options
 
-        options = checked_options(self._page_options(options))
+        options = self._page_options(options)
         return view_document(self.scene, **self._content(), options=options), options
 
     def timeline(self) -> Timeline:
