@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -51,8 +51,7 @@ class JointReader:
         self.rest = rest
         self.actuated, self.by_tendon = self._actuated()
         self.names = self._names()
-        equations, self.constants = self._equations()
-        self.equations = {equation.follower: equation for equation in equations}
+        self.equations, self.constants = self._equations()
 
     # ---- names, values -------------------------------------------------------------------
 
@@ -184,9 +183,9 @@ class JointReader:
 
     # ---- equality constraints ------------------------------------------------------------
 
-    def _equations(self) -> tuple[list[_Equation], dict[int, float]]:
-        """The couplings of joints that can be modeled, and values at which joints are fixed."""
-        taken: list[_Equation] = []
+    def _equations(self) -> tuple[dict[int, _Equation], dict[int, float]]:
+        """The couplings that can be modeled, by the joint that follows, and values at which joints are fixed."""
+        taken: dict[int, _Equation] = {}
         constants: dict[int, float] = {}
         for number, equation in self._coupled():
             if isinstance(equation, float):
@@ -198,7 +197,7 @@ class JointReader:
                 candidates = (equation.inverted(), equation)
             fitting = [c for c in candidates if self._can_follow(c, taken)]
             if fitting:
-                taken.append(fitting[0])
+                taken[fitting[0].follower] = fitting[0]
             else:
                 log.warning(
                     "%s: joints %r and %r are coupled more than once, the later equality is left out",
@@ -231,17 +230,14 @@ class JointReader:
                 x0 = float(model.qpos0[model.jnt_qposadr[leader]])
                 yield follower, _Equation(follower, leader, a1, y0 + a0 - a1 * x0)
 
-    def _can_follow(self, equation: _Equation, taken: list[_Equation]) -> bool:
+    def _can_follow(self, equation: _Equation, taken: Mapping[int, _Equation]) -> bool:
         """Whether a joint is not coupled yet, and its leader does not follow it."""
-        leaders = {other.follower: other.leader for other in taken}
-        if equation.follower in leaders or not self._moves(equation.leader) or not self._moves(equation.follower):
+        if equation.follower in taken or not self._moves(equation.leader) or not self._moves(equation.follower):
             return False
-        at: int | None = equation.leader
-        while at is not None:
-            if at == equation.follower:
-                return False
-            at = leaders.get(at)
-        return True
+        at = equation.leader
+        while at != equation.follower and at in taken:
+            at = taken[at].leader
+        return at != equation.follower
 
     def _moves(self, joint: int) -> bool:
         kind = int(self.model.jnt_type[joint])
