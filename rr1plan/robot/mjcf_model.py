@@ -106,8 +106,8 @@ def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument
         spec = _parsed(document)
         _check_ranges(document, spec)
         paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
-        uses = {id(geom): (geom, _use(geom, paired)) for geom in spec.geoms}
-        meshes = _Meshes(document, lookup, spec).read(list(uses.values()))
+        uses = [(geom, _use(geom, paired)) for geom in spec.geoms]
+        meshes = _Meshes(document, lookup, spec).read(uses)
         for pair in list(spec.pairs):
             spec.delete(pair)
         for geom in spec.geoms:
@@ -120,7 +120,7 @@ def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument
         log.warning("%s: %s", document.file, warning)
     _check_keyframes(document, spec, model)
     _check_numbers(document, model)
-    kept = sorted((geom.id, geom, use) for geom, use in uses.values() if geom.id >= 0)
+    kept = sorted((geom.id, geom, use) for geom, use in uses if geom.id >= 0)
     geoms, used = tuple(geom for _, geom, _ in kept), tuple(use for _, _, use in kept)
     return CompiledDocument(document, spec, model, geoms, used, meshes)
 
