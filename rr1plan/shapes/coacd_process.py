@@ -24,7 +24,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import BackendError
 from rr1plan.files.npy_files import archive_bytes
 
-Wait = Callable[[float], None]
+Wait = Callable[[], None]
 
 _POLL = 0.1
 # Longest time that the child outlives a killed parent [s].
@@ -49,7 +49,7 @@ def coacd_pieces(
         faces: Corners of each triangle, shape (m, 3).
         options: Keywords of `coacd.run_coacd`.
         seconds: Time limit [s].
-        wait: Called about ten times a second with the elapsed time [s]; an exception ends the decomposition.
+        wait: Called about ten times a second; an exception ends the decomposition.
 
     Raises:
         DecompositionTimeout: it takes longer than `seconds`.
@@ -91,10 +91,9 @@ def _communicate(child: subprocess.Popen[bytes], seconds: float, wait: Wait) -> 
         try:
             return child.communicate(timeout=_POLL)
         except subprocess.TimeoutExpired:
-            spent = time.monotonic() - began
-            if spent > seconds:
+            if time.monotonic() - began > seconds:
                 raise DecompositionTimeout from None
-            wait(spent)
+            wait()
 
 
 def write_pieces(seconds: float, options: Mapping[str, Any]) -> None:

@@ -143,7 +143,7 @@ class _Clock:
         """Seconds left [s]."""
         return self._seconds - (time.monotonic() - self._began)
 
-    def wait(self, _: float) -> None:
+    def wait(self) -> None:
         """Report progress."""
         spent = self._seconds - self.left
         if spent > _ANNOUNCED and not self._announced:

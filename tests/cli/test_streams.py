@@ -127,7 +127,7 @@ from rr1plan.shapes import convex_decomposition
 def slow(vertices, faces, options, seconds, wait):
     for k in range(3):
         time.sleep(0.01)
-        wait(0.0)
+        wait()
     return [vertices]
 
 convex_decomposition.coacd_pieces, convex_decomposition._ANNOUNCED = slow, 0.0
