@@ -134,17 +134,15 @@ class Table:
 
     def table(self, key: str) -> Table:
         """A table within this one, empty if it is missing."""
-        return Table(self.raw(key, {}), self.file, (*self.path, key), self.text)
+        return self.at(key, self.raw(key, {}))
 
-    def wrapped(self, key: str, data: Mapping[str, object]) -> Table:
-        """Other data in place of an entry."""
-        self._asked.add(key)
-        return Table(data, self.file, (*self.path, key), self.text)
+    def at(self, place: str, data: Any) -> Table:
+        """Data as a table at a place in this one, such as "goal" or "goal[0]", which is not marked as read."""
+        return Table(data, self.file, (*self.path, place), self.text)
 
     def tables(self, key: str) -> list[Table]:
         """A list of tables, empty if it is missing."""
-        rows = enumerate(self.rows(key))
-        return [Table(item, self.file, (*self.path, f"{key}[{i}]"), self.text) for i, item in rows]
+        return [self.at(f"{key}[{i}]", item) for i, item in enumerate(self.rows(key))]
 
     def one_of(self, kinds: Mapping[str, Any]) -> str:
         """The single key of `kinds` that is present.

@@ -95,7 +95,7 @@ def _one_goal(entry: Table, place: str, value: object, frame: str) -> Any:
     if not isinstance(value, dict):
         known = "a configuration's name, its numbers, a table of a pose or region, or a list of alternatives"
         raise entry.error(f"expected {known}, got {shown(value)}", place)
-    table = Table(value, entry.file, (*entry.path, place), entry.text)
+    table = entry.at(place, value)
     frame = table.string("frame", frame)
     quaternion = table.numbers("quaternion", (4,)) if "quaternion" in table else None
     tolerance = table.number("orientation_tolerance", 1e-3)

@@ -174,7 +174,7 @@ def _read_mesh(table: Table, folder: Path) -> tuple[Shape, ...]:
 def _file_or_table(table: Table, key: str) -> Table:
     """The table of a mesh or of points; mesh = "a.stl" means mesh = { file = "a.stl" }."""
     value = table.raw(key)
-    return table.wrapped(key, {"file": value}) if isinstance(value, str) else table.table(key)
+    return table.at(key, {"file": value}) if isinstance(value, str) else table.table(key)
 
 
 def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
