@@ -33,7 +33,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from rr1plan.checks import counted, of_kind, resolved_path, shown
+from rr1plan.checks import counted, resolved_path, shown
 from rr1plan.files.checked_tables import Table, is_number
 from rr1plan.files.documents import parse_toml
 from rr1plan.files.file_access import read_text, text_stem
@@ -129,26 +129,21 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
 
 
 def scene_text(
-    scene: Scene,
-    problems: Mapping[str, Problem] | None = None,
-    robots: Mapping[str, str] | None = None,
-    load_robot: RobotLoader | None = None,
+    scene: Scene, problems: Mapping[str, Problem], robots: Mapping[str, str], load_robot: RobotLoader
 ) -> str:
     """The text of a scene file that reads back as the same scene, to the last bit.
 
     Args:
         scene: The scene. Meshes and point clouds are written into the file.
         problems: Named queries in that scene.
-        robots: Name or file of the robot of each arm (default: the robot's name); for a file, planning joints and tool
-            are written as well.
+        robots: Name or file of the robot of each arm; for a file, planning joints and tool are written as well.
         load_robot: Reads the robots that are given by name, whose planning joints and tool are written if they differ
-            from those it chooses (default: they are not written).
+            from those it chooses.
 
     Raises:
-        InputError: not a scene, or a number that TOML cannot represent.
+        InputError: a number that TOML cannot represent.
         UnknownNameError: no such robot.
     """
-    of_kind("scene", scene, Scene)
     data: dict[str, Any] = {"version": _VERSION, "name": scene.name, "description": scene.description}
     if scene.padding:
         data["padding"] = scene.padding
@@ -157,18 +152,17 @@ def scene_text(
     if scene.pair_padding:
         rows = sorted((names_of_pair(p), distance) for p, distance in scene.pair_padding.items())
         data["pair_padding"] = [{"between": both, "distance": distance} for both, distance in rows]
-    names = {n: (robots or {}).get(n, arm.robot.name) for n, arm in scene.arms.items()}
     made: dict[tuple[Robot, str], Robot | None] = {}  # the many arms of a scene often share one robot
     for n, arm in scene.arms.items():
-        if (arm.robot, names[n]) not in made:
-            made[arm.robot, names[n]] = _named_robot(arm.robot, names[n], load_robot)
-    data["arms"] = {n: _arm_entries(arm, names[n], made[arm.robot, names[n]]) for n, arm in scene.arms.items()}
+        if (arm.robot, robots[n]) not in made:
+            made[arm.robot, robots[n]] = _named_robot(arm.robot, robots[n], load_robot)
+    data["arms"] = {n: _arm_entries(arm, robots[n], made[arm.robot, robots[n]]) for n, arm in scene.arms.items()}
     data["obstacles"] = {
         n: pose_entries(o.pose) | geometries_entries(n, o.geometries) | _body_entries(o)
         for n, o in scene.obstacles.items()
     }
     data["attachments"] = {n: _attachment_entries(n, held) for n, held in scene.attachments.items()}
-    data["queries"] = {n: problem_entries(problem) for n, problem in (problems or {}).items()}
+    data["queries"] = {n: problem_entries(problem) for n, problem in problems.items()}
     return to_toml(data)
 
 
@@ -367,9 +361,9 @@ def _read_pair(table: Table, key: str, value: object) -> Pair:
     return pair(*value)
 
 
-def _named_robot(robot: Robot, name: str, load_robot: RobotLoader | None) -> Robot | None:
+def _named_robot(robot: Robot, name: str, load_robot: RobotLoader) -> Robot | None:
     """The robot that `load_robot` makes from a name without a choice of joints and tool; None for a file."""
-    if load_robot is None or _is_file(name):
+    if _is_file(name):
         return None
     options: dict[str, Any] = dict(robot.load_options)
     return load_robot(name, **options)
@@ -381,7 +375,7 @@ def _arm_entries(arm: Arm, robot: str, made: Robot | None) -> dict[str, object]:
     Args:
         arm: The arm.
         robot: Name or file of its robot.
-        made: The robot of that name with its own choice of joints and tool, if known.
+        made: The robot of that name with its own choice of joints and tool; None for a file.
     """
     entries: dict[str, Any] = {"robot": robot} | pose_entries(arm.base)
     is_file, default = _is_file(robot), made or arm.robot

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -20,7 +22,8 @@ from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems, load_robot, load_scene, robot_folder, scene_names
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal
-from rr1plan.scene.scene_toml import SceneFile, parse_scene, read_scene, scene_text
+from rr1plan.scene.scene_toml import SceneFile, parse_scene, read_scene
+from rr1plan.scene.scene_toml import scene_text as text_of_scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
 from rr1plan.transforms import pose
 
@@ -95,6 +98,10 @@ def test_shipped_queries_are_valid_under_every_limit_preset(name: str) -> None:
         same = Problem(scene, problem.start, dict(problem.goal), arms=problem.arms)
         result = rp.plan(same, budget=rp.Budget(seconds=float("inf"), iterations=1), rng=0)
         assert result.status in (rp.PlanStatus.FOUND, rp.PlanStatus.TIMEOUT), f"{query}: {result}"
+
+
+def scene_text(scene: Scene, problems: Mapping[str, Problem] = MappingProxyType({})) -> str:
+    return text_of_scene(scene, problems, {name: arm.robot.name for name, arm in scene.arms.items()}, load_robot)
 
 
 @pytest.mark.parametrize("name", scene_names())

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
-from rr1plan.scene.scene_toml import scene_text
 
 PLACE = (-0.35, 0.1)
 HEIGHT = 0.08
@@ -53,7 +52,7 @@ def test_a_held_object_on_its_table_is_told_to_be_allowed_or_lifted(held: rp.Sce
 def test_the_words_for_a_scene_file_are_those_of_scene_files(held: rp.Scene, tmp_path: Path) -> None:
     (line,) = re.findall(r"in a scene file (allowed = \[\[.*?\]\])", reason(held))
     (table,) = re.findall(r"that of \[(attachments\.can)\]", reason(held))
-    text = scene_text(held)
+    text = rp.save_scene(tmp_path / "held.toml", held).read_text()
     assert f"[{table}]" in text
     (tmp_path / "cell.toml").write_text(f"{line}\n{text}")
     scene = rp.load_scene(tmp_path / "cell.toml")
