@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 from xml.parsers import expat
 
 from rr1plan.checks import file_path, number_in
@@ -147,13 +146,6 @@ class _Builder:
     def end(self, _tag: str) -> None:
         self.open.pop()
 
-    def refuse_doctype(self, *_arguments: Any) -> None:
-        raise FormatError(
-            "has a DOCTYPE; document types and entities are refused, try removing it",
-            self.file,
-            self.parser.CurrentLineNumber,
-        )
-
 
 def parse_xml(data: bytes, root: str | None, file: str | Path | None = None) -> Element:
     """Parse a document.
@@ -173,26 +165,31 @@ def parse_xml(data: bytes, root: str | None, file: str | Path | None = None) -> 
     builder = _Builder(parser, name)
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
-    _run(parser, builder, data)
+    _run(parser, data, name)
     assert builder.root is not None  # expat refuses a document without elements
     if root is not None and builder.root.tag != root:
         raise builder.root.error(f"the outermost element is <{builder.root.tag}>, expected <{root}>")
     return builder.root
 
 
-def _run(parser: expat.XMLParserType, builder: _Builder, data: bytes) -> None:
+def _run(parser: expat.XMLParserType, data: bytes, file: str | Path | None) -> None:
     """Parse all of it; a document type or an entity stops the parser."""
-    parser.StartDoctypeDeclHandler = builder.refuse_doctype
-    parser.EntityDeclHandler = builder.refuse_doctype
+
+    def refuse_doctype(*_arguments: object) -> None:
+        message = "has a DOCTYPE; document types and entities are refused, try removing it"
+        raise FormatError(message, file, parser.CurrentLineNumber)
+
+    parser.StartDoctypeDeclHandler = refuse_doctype
+    parser.EntityDeclHandler = refuse_doctype
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         what = expat.ErrorString(error.code)
-        raise FormatError(f"is not well-formed XML: {what}", builder.file, error.lineno) from error
+        raise FormatError(f"is not well-formed XML: {what}", file, error.lineno) from error
     except FormatError:
         raise
     except (LookupError, ValueError) as error:
-        raise FormatError(f"has an encoding that cannot be read: {error}", builder.file) from error
+        raise FormatError(f"has an encoding that cannot be read: {error}", file) from error
 
 
 def root_tag(data: bytes, file: str | Path | None = None) -> str:
@@ -210,7 +207,7 @@ def root_tag(data: bytes, file: str | Path | None = None) -> str:
 
     parser.StartElementHandler = look
     try:
-        _run(parser, _Builder(parser, None if file is None else str(file)), data)
+        _run(parser, data, file)
     except FormatError:
         if not found:
             raise
@@ -231,10 +228,9 @@ def first_attributes(data: bytes, tag: str, file: str | Path | None = None) -> d
         if not found and name.rpartition(":")[2] == tag:
             found.append(attributes)
 
-    name = None if file is None else str(file)
     parser = expat.ParserCreate()
     parser.StartElementHandler = look
-    _run(parser, _Builder(parser, name), data)
+    _run(parser, data, file)
     return found[0] if found else {}
 
 
@@ -262,7 +258,7 @@ def first_text(data: bytes, tag: str, file: str | Path | None = None) -> str:
 
     parser = expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, read
-    _run(parser, _Builder(parser, None if file is None else str(file)), data)
+    _run(parser, data, file)
     return "".join(texts).strip()
 
 
