@@ -11,7 +11,6 @@ from rr1plan.export.plan_files import SavedMotion
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.path import Path
 from rr1plan.planning import PlanResult, PlanStatus, ProgressCallback
-from rr1plan.report import Report
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
@@ -67,7 +66,8 @@ def load_motion(
         raise FormatError(f"cannot be a motion of the scene {where.name!r}: {error}", file) from error
     try:
         if trajectory is None:
-            report = _certified(path, where, progress)
+            assert path is not None, "a motion has a path or a trajectory"
+            report = certify_path(path, where, progress=progress)
         else:
             report = validate(
                 trajectory, where, problem, torque_limits=torque_limits, jerk_limits=jerk_limits, progress=progress
@@ -93,8 +93,3 @@ def _fitted(saved: SavedMotion, scene: Scene) -> tuple[Path | None, Trajectory |
     if problem is not None and problem.scene is not scene:
         problem = problem.in_scene(scene)
     return path, trajectory, problem
-
-
-def _certified(path: Path | None, scene: Scene, progress: ProgressCallback | None) -> Report:
-    assert path is not None, "a motion has a path or a trajectory"
-    return certify_path(path, scene, progress=progress)
