@@ -368,9 +368,9 @@ def _swelling(mesh: Mesh, pieces: list[Mesh], closed: bool) -> float:
     _, first = np.unique(np.floor(2.0 * samples / step), axis=0, return_index=True)
     samples = samples[first]
     distance = _distances(mesh, samples, step)
-    order = np.argsort(-distance)
+    order, triangles = np.argsort(-distance), mesh.vertices[mesh.faces]
     for some in np.array_split(order, 1 + len(order) * len(mesh.faces) // 1_000_000):
-        outside = some[~_is_inside(mesh, samples[some])] if closed else some
+        outside = some[~are_inside(samples[some], triangles)] if closed else some
         if len(outside):
             return float(distance[outside].max())
     return 0.0
@@ -389,12 +389,12 @@ def _distances(mesh: Mesh, points: Array, step: float) -> Array:
     return np.asarray(lengths.min(axis=1))
 
 
-def _is_inside(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
-    """Whether points (n, 3) are inside a closed mesh, by its winding number.
+def are_inside(points: Array, triangles: Array) -> NDArray[np.bool_]:
+    """Whether points (n, 3) are inside a closed surface of triangles (m, 3, 3), by its winding number.
 
     The solid angle of each triangle: Van Oosterom, Strackee, The Solid Angle of a Plane Triangle, 1983.
     """
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] - points[:, None] for k in range(3))
+    a, b, c = (triangles[:, k] - points[:, None] for k in range(3))
     la, lb, lc = (np.linalg.norm(corner, axis=2) for corner in (a, b, c))
     volume = np.einsum("nmk,nmk->nm", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("nmk,nmk->nm", x, y) for x, y in ((a, b), (b, c), (c, a)))

@@ -19,7 +19,7 @@ from rr1plan.progress import ProgressCallback
 from rr1plan.robot.link_contacts import coal_solid
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
-from rr1plan.shapes.convex_decomposition import convex_pieces
+from rr1plan.shapes.convex_decomposition import are_inside, convex_pieces
 from rr1plan.shapes.convex_hulls import convex_hull, is_own_hull
 
 # Octomap's keys have 16 bits: it drops cells farther out silently.
@@ -171,19 +171,11 @@ def surface_of(mesh: Mesh) -> coal.BVHModelOBBRSS:
 
 
 def holds_point(mesh: Mesh, point: Array) -> bool:
-    """Whether a point (3,) in the mesh's frame is inside its closed parts, by winding number.
-
-    Solid angle of each triangle: Van Oosterom, Strackee, The Solid Angle of a Plane Triangle, 1983.
-    """
+    """Whether a point (3,) in the mesh's frame is inside its closed parts."""
     low, high, triangles = _closed_triangles(mesh)
     if (point < low).any() or (point > high).any():
         return False
-    a, b, c = (triangles[:, k] - point for k in range(3))
-    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
-    angle = 2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return bool(abs(angle.sum()) > 2.0 * np.pi)
+    return bool(are_inside(point[None], triangles)[0])
 
 
 @lru_cache(maxsize=64)
