@@ -33,7 +33,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 
-from rr1plan.batch_worker import Raised, Settings, Task, begin_worker, load_planner, raised, run_chunk
+from rr1plan.batch_worker import CANCELLED, Raised, Settings, Task, begin_worker, load_planner, raised, run_chunk
 from rr1plan.checks import (
     Seed,
     Value,
@@ -298,8 +298,8 @@ class _Board:
 
     def results(self) -> list[BatchResult]:
         """All results in order; problems without one were cancelled."""
-        none = Raised("Cancelled", "the batch was cancelled before this problem was done")
-        return [self._results[i] if i in self._results else PlanFailure(p, *none) for i, p in enumerate(self.problems)]
+        results = self._results
+        return [results[i] if i in results else PlanFailure(p, *CANCELLED) for i, p in enumerate(self.problems)]
 
 
 class _Lost(NamedTuple):

@@ -44,6 +44,9 @@ class Raised(NamedTuple):
     details: str = ""
 
 
+CANCELLED = Raised("Cancelled", "the batch was cancelled before this problem was done")
+
+
 def raised(error: BaseException) -> Raised:
     """An exception with its traceback, as text."""
     return Raised(type(error).__name__, str(error), "".join(traceback.format_exception(error)))
@@ -101,7 +104,7 @@ def run_chunk(chunk: list[Task], settings: Settings) -> list[Any]:
 
 def _run(task: Task, settings: Settings) -> Any:
     if _should_stop():
-        return Raised("Cancelled", "the batch was cancelled before this problem was done")
+        return CANCELLED
     try:
         if not settings.full:
             planner = settings.planner or "rrt_connect"
