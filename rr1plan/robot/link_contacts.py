@@ -65,7 +65,11 @@ def _ball(shapes: list[tuple[coal.CollisionGeometry, Array]]) -> tuple[Array, fl
     for shape, _ in shapes:
         shape.computeLocalAABB()
     centers = np.array([pose[:3, :3] @ shape.aabb_center + pose[:3, 3] for shape, pose in shapes])
-    radii = np.array([shape.aabb_radius for shape, _ in shapes])
+    return ball_around(centers, np.array([shape.aabb_radius for shape, _ in shapes]))
+
+
+def ball_around(centers: Array, radii: Array) -> tuple[Array, float]:
+    """Center (3,) and radius of a ball around other balls, with centers (n, 3) and radii (n,) [m]."""
     center = 0.5 * ((centers - radii[:, None]).min(axis=0) + (centers + radii[:, None]).max(axis=0))
     return center, float((np.linalg.norm(centers - center, axis=1) + radii).max())
 

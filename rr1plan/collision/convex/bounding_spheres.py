@@ -20,6 +20,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.convex.enclosing_ball import around_points
 from rr1plan.errors import InputError
 from rr1plan.files.disk_cache import cache_key, load_cached, store_cached
+from rr1plan.robot.link_contacts import ball_around
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_hulls import convex_hull
 
@@ -89,9 +90,8 @@ def cover(shape: Shape) -> SphereCover:
 
 def _made(centers: Array, radii: Array | list[float], inner: Array | list[float]) -> SphereCover:
     radii = np.array(radii) * _SAFETY
-    center = 0.5 * ((centers - radii[:, None]).min(axis=0) + (centers + radii[:, None]).max(axis=0))
-    reach = float((np.linalg.norm(centers - center, axis=1) + radii).max()) * _SAFETY
-    return _frozen(centers, radii, np.array(inner) / _SAFETY, np.array([*center, reach]))
+    center, reach = ball_around(centers, radii)
+    return _frozen(centers, radii, np.array(inner) / _SAFETY, np.array([*center, reach * _SAFETY]))
 
 
 def _frozen(centers: Array, radii: Array, inner: Array, ball: Array) -> SphereCover:
