@@ -7,7 +7,8 @@ kept if it is the shortest so far.
 The path length converges almost surely to the infimum over paths with positive clearance: the bounds are
 random, so infinitely many rounds have a bound between the infimum and any larger length; the sample limits follow
 Luby's sequence, so infinitely many of these rounds exceed any number of samples; and the probability that a
-round finds a path below its bound tends to one with its number of samples.
+round finds a path below its bound tends to one with its number of samples. Poses and regions are reached in many
+configurations, so each round after the first path also searches for nearer ones.
 """
 
 from __future__ import annotations
@@ -33,8 +34,9 @@ _LEAST_SHARE, _MOST_SHARE = 0.75, 2.5
 class AnytimePlanner(Planner):
     """Anytime RRT-Connect: restarts under decreasing cost bounds, with shortcuts, compiled.
 
-    It is asymptotically optimal and uses the whole budget, unless the straight line is free or a proof shows that
-    no path exists. Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
+    It is asymptotically optimal and uses the whole budget, unless the straight line to the nearest of all goals is free
+    (a pose or a region may always have nearer ones) or a proof shows that no path exists. Under a budget of iterations
+    alone the same seed gives the same path. An iteration is a sample.
 
     Args:
         range: Longest edge of a tree [rad or m]; 0: a share of the diagonal of the joint space.
@@ -83,16 +85,30 @@ class _Rounds:
         """The best path when the budget ends."""
         query = self.query
         straight = query.straight_line()
-        if straight is not None:
-            return straight
+        if straight is not None and straight.path is not None:
+            if query.has_all_goals:
+                return straight
+            self.best, self.length = straight.path.waypoints, straight.path.length
         number = 0
-        while query.goes_on() and not query.separated and self.length > self.straight * _STRAIGHT:
+        while query.goes_on() and not query.separated and self.may_improve():
             number += 1
+            if self.best is not None:
+                self.add_nearer_goals()
             if self.search.connect(*self.plan_round(number)):
                 self.improve(self.search.trees.path())
         if self.best is None or query.cancelled:
             return query.unsolved(self.search.describe())
         return query.result(PlanStatus.FOUND, self.best)
+
+    def may_improve(self) -> bool:
+        """Whether a path shorter than the best one may exist."""
+        return not self.query.has_all_goals or self.length > self.straight * _STRAIGHT
+
+    def add_nearer_goals(self) -> None:
+        """Add further configurations of poses and regions, if a path to them may be shorter than the best one."""
+        goals = self.query.more_goals()
+        near = np.linalg.norm(goals - self.query.problem.start, axis=1) < self.length
+        self.search.trees.add_goals(goals[near])
 
     def plan_round(self, number: int) -> tuple[float, int]:
         """Cost bound and sample limit of a round; unlimited until the first path is found."""

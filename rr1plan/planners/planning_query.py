@@ -25,7 +25,7 @@ from rr1plan.planning import (
     check_plan_arguments,
 )
 from rr1plan.scene import Scene
-from rr1plan.scene.problem import Problem
+from rr1plan.scene.problem import JointGoal, Problem
 
 STRAIGHT_LINES = constants()["STRAIGHT_LINES"]
 """Number of nearest goals to which the straight line is checked before planning."""
@@ -156,6 +156,11 @@ class Query:
         self.goals = near[:count]
         self._space, self._visible = space, int(visible[0])
         return True
+
+    @property
+    def has_all_goals(self) -> bool:
+        """Whether all goals are configurations, none a pose or a region that further configurations may reach."""
+        return all(isinstance(goal, JointGoal) for goals in self.problem.goal.values() for goal in goals)
 
     def more_goals(self) -> Array:
         """Further goal configurations, also added to `goals`; shape (k, nq)."""

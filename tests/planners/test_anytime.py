@@ -179,6 +179,16 @@ def test_the_nearest_goal_by_way_of_the_path_is_taken(shelf):
     assert result.iterations == 0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_nearer_configurations_of_a_position_are_found_after_the_first_path(seed):
+    """A straight line to one configuration that reaches a position ends no search for nearer ones."""
+    problem = load_problems("rr1_cluttered")["into_the_rack"]
+    result = AnytimePlanner().plan(problem, budget=Budget(seconds=float("inf"), iterations=10_000), rng=seed)
+    assert result.cost_history[0][1] > 1.7
+    assert result.path.length < 1.5
+    assert result.path.length == result.cost_history[-1][1]
+
+
 def test_the_clock_is_kept_with_a_path_and_without(shelf):
     for problem, status in (
         (load_problems("planar2r_no_path")["no_way"], PlanStatus.TIMEOUT),
