@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import pathlib
 from collections.abc import Iterator
 
@@ -86,7 +87,7 @@ def load_csv(file: _File) -> Trajectory:
     try:
         header = _header(reader)
         time, names, columns = _columns(header, file, max(1, reader.line_num))
-        rows = np.array([_row(row, len(header), file, reader.line_num) for row in reader if "".join(row).strip()])
+        rows = np.array([_row(row, header, file, reader.line_num) for row in reader if "".join(row).strip()])
     except csv.Error as error:
         raise FormatError(f"is not CSV: {error}", file, reader.line_num) from error
     if not len(rows):
@@ -148,11 +149,14 @@ def _other_header(header: list[str], file: _File, line: int) -> FormatError:
     return FormatError(f"{fault}, expected {_HEADER}, separated by commas", file, line)
 
 
-def _row(cells: list[str], count: int, file: _File, number: int) -> list[float]:
+def _row(cells: list[str], header: list[str], file: _File, number: int) -> list[float]:
     try:
         row = [number_in(cell) for cell in cells]
     except ValueError as error:
         raise FormatError(str(error), file, number) from error
-    if len(row) != count:
-        raise FormatError(f"has {counted(len(row), 'value')}, expected {count}", file, number)
+    if len(row) != len(header):
+        raise FormatError(f"has {counted(len(row), 'value')}, expected {len(header)}", file, number)
+    for name, value in zip(header, row, strict=True):
+        if not math.isfinite(value):
+            raise FormatError(f"{name} is {value}, expected a finite number", file, number)
     return row

@@ -93,7 +93,7 @@ def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: File
         ("t,q:a,\n0,0,\n", ":1: has no name for column 3, expected one"),
         ("t,q:a,v:a,a:a\n0,0,0,x\n", ":2: 'x' is not a number"),
         ("t,q:a\n0,0\n1_0,1\n", ":3: '1_0' is not a number"),
-        ("t,q:a,v:a,a:a\n0,nan,0,0\n1,0,0,0\n", "is nan"),
+        ("t,q:a,v:a,a:a\n0,0,0,0\n1,nan,0,0\n", ":3: q:a is nan, expected a finite number"),
         ("t,q:a,v:a,a:a\n1,0,0,0\n1,0,0,0\n", "strictly increase"),
         ("t,q:a,q:a,v:a,v:a,a:a,a:a\n0,0,0,0,0,0,0\n", "'q:a' twice"),
     ],
