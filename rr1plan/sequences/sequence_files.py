@@ -77,7 +77,8 @@ def load_sequence(
             trajectory, where, stages, torque_limits=torque_limits, jerk_limits=jerk_limits, progress=progress
         )
     except InputError as error:
-        raise FormatError(f"cannot be a sequence of its scene: {error}", file) from error
+        name = (scene or saved.scene).name
+        raise FormatError(f"cannot be a sequence of the scene {name!r}: {error}", file) from error
     changes = () if scene is None else scene_differences(saved.scene, where)
     plan = SequencePlan(where, stages=stages, gripper_joints=grippers, changes=changes)
     return replace(plan, _trajectory=trajectory, _report=report)

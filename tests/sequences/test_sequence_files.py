@@ -101,6 +101,8 @@ def test_an_altered_or_another_file_is_refused(saved: Path, tmp_path: Path, tabl
         rp.load_motion(saved)
     with pytest.raises(rp.FormatError, match="'block'"):
         rp.load_sequence(saved, table.without_obstacle("block"))
+    with pytest.raises(rp.FormatError, match="cannot be a sequence of the scene 'planar2r_path': unknown joint"):
+        rp.load_sequence(saved, rp.load_scene("planar2r_path"))
 
 
 def test_a_plan_that_failed_cannot_be_saved(table: rp.Scene, tmp_path: Path) -> None:
