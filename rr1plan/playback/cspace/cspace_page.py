@@ -144,7 +144,6 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
     robot = grid.scene.arms[grid.arm].robot
     joints = [robot.joint(name) for name in grid.joint_names]
     columns = grid.scene.joint_names()
-    labels, shares = _ranked_components(cspace)
     planar, others = _planar(grid), _other_joints(grid)
     return {
         "arm": grid.arm,
@@ -158,12 +157,10 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
         "periodic": list(grid.periodic),
         "size": list(grid.free.shape),
         "layers": _layers(grid, bool(others)),
-        "labels": pack_bytes(labels),
-        "shares": shares,
+        "labels": pack_bytes(_ranked_components(cspace)),
         "start": None if cspace.start is None else cspace.start.tolist(),
         "goals": [goal.tolist() for goal in cspace.goals],
         "goalNames": list(cspace.goal_names),
-        "waypoints": None if cspace.path is None else pack_array(cspace.path, "f8"),
         "tree": None if cspace.drawn_tree is None else _tree(cspace.drawn_tree),
         "verdict": verdict(cspace),
         "tone": tone(cspace),
@@ -242,8 +239,8 @@ def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, object]]:
     ]
 
 
-def _ranked_components(cspace: CSpaceQuery) -> tuple[NDArray[np.uint8], list[float]]:
-    """Components in the order of the page's colors: the start's, then the goals', then by size; and their shares."""
+def _ranked_components(cspace: CSpaceQuery) -> NDArray[np.uint8]:
+    """Components in the order of the page's colors: the start's, then the goals', then by size."""
     grid = cspace.grid
     counts = np.bincount(grid.labels.ravel(), minlength=grid.components + 1)
     ends = [grid.component_of(q) for q in ([] if cspace.start is None else [cspace.start]) + list(cspace.goals)]
@@ -251,7 +248,7 @@ def _ranked_components(cspace: CSpaceQuery) -> tuple[NDArray[np.uint8], list[flo
     order = [k for k in dict.fromkeys([*ends, *by_size]) if k > 0]
     rank = np.zeros(grid.components + 1, dtype=np.uint8)
     rank[order] = np.minimum(np.arange(1, len(order) + 1), _CRUMB)
-    return rank[grid.labels], [float(counts[k] / grid.labels.size) for k in order[: _CRUMB - 1]]
+    return rank[grid.labels]
 
 
 def _tree(tree: DrawnTree) -> dict[str, object]:
