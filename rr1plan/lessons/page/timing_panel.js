@@ -378,7 +378,7 @@ class Timing {
     pen.fillStyle = INK;
     for (const k of plane.switches) { pen.beginPath(); pen.arc(x(grid.s[k]), y(plane.speed[k]), 3, 0, 7); pen.fill(); }
     pen.restore();
-    const t = this.share * this.duration, k = Math.min(indexOf(plane.times, t), grid.s.length - 2), f = (t - plane.times[k]) / (plane.times[k + 1] - plane.times[k] || 1);
+    const t = this.share * this.duration, k = indexAt(plane.times, t, grid.s.length - 2), f = (t - plane.times[k]) / (plane.times[k + 1] - plane.times[k] || 1);
     this.cursor(pen, x(grid.s[k] + f * (grid.s[k + 1] - grid.s[k])), y(plane.speed[k] + f * (plane.speed[k + 1] - plane.speed[k])), box);
   }
 
@@ -475,11 +475,9 @@ class Timing {
   }
 }
 
-const indexOf = (times, t) => { let low = 0, high = times.length - 1; while (high - low > 1) { const middle = (low + high) >> 1; if (times[middle] <= t) low = middle; else high = middle; } return low; };
-
 /** The position of a phase-plane motion at a time. */
 function positionAt(grid, plane, t) {
-  const k = Math.min(indexOf(plane.times, t), grid.s.length - 2), h = Math.min(t, plane.duration) - plane.times[k];
+  const k = indexAt(plane.times, t, grid.s.length - 2), h = Math.min(t, plane.duration) - plane.times[k];
   const s = h * (plane.speed[k] + 0.5 * h * plane.acceleration[k]);
   return grid.q[k].map((v, i) => v + s * (grid.begin[k][i] + 0.5 * s * grid.bend[k][i]));
 }
@@ -495,7 +493,7 @@ function alongLines(path, velocity, acceleration) {
   for (const line of lines) ends.push(ends[ends.length - 1] + line.motion.duration);
   const duration = ends[ends.length - 1];
   return { duration, q: (t) => {
-    const k = Math.min(indexOf(ends, Math.max(t, 0)), lines.length - 1), line = lines[k];
+    const k = indexAt(ends, t, lines.length - 1), line = lines[k];
     const s = line.motion.at(Math.min(Math.max(t - ends[k], 0), line.motion.duration))[0];
     return line.from.map((v, i) => v + s * line.way[i]);
   } };

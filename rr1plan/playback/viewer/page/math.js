@@ -129,6 +129,16 @@ class Kinematics {
   }
 }
 
+/** The index of the last of some ascending times that is not after t, up to a last index; 0 before the first. */
+function indexAt(times, t, last = times.length - 1) {
+  let low = 0;
+  for (let high = last; low < high;) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle] <= t) low = middle; else high = middle - 1;
+  }
+  return low;
+}
+
 /** Piecewise polynomials of time: sum_k c[piece][k] (t - start of the piece)^k. */
 class Track {
   constructor(row) {
@@ -144,12 +154,7 @@ class Track {
   }
 
   piece(t) {
-    let low = 0, high = this.pieces - 1;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (this.breaks[middle] <= t) low = middle; else high = middle - 1;
-    }
-    return low;
+    return indexAt(this.breaks, t, this.pieces - 1);
   }
 
   /** Writes the columns of this motion into q. */

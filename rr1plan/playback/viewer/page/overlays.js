@@ -262,10 +262,6 @@ class NearestLines {
 
 /** The index of the time that is nearest to t. */
 function nearestIndex(times, t) {
-  let low = 0, high = times.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (times[middle] <= t) low = middle; else high = middle;
-  }
+  const low = indexAt(times, t), high = Math.min(low + 1, times.length - 1);
   return t - times[low] <= times[high] - t ? low : high;
 }

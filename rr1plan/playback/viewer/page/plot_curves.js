@@ -61,12 +61,8 @@ class SampledCurve {
     const { times, values } = this, last = times.length - 1;
     if (t <= times[0]) return values[0];
     if (t >= times[last]) return values[last];
-    let low = 0, high = last;
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (times[middle] <= t) low = middle; else high = middle;
-    }
-    return values[low] + ((t - times[low]) / (times[high] - times[low])) * (values[high] - values[low]);
+    const k = indexAt(times, t);
+    return values[k] + ((t - times[k]) / (times[k + 1] - times[k])) * (values[k + 1] - values[k]);
   }
 
   points(width) {
