@@ -72,8 +72,7 @@ class Editing {
     this.future = [];
     this.lastEdit = this.reach = this.lit = this.asked = this.headline = null;
     const moving = doc.track ? doc.track.columns : doc.ghosts.map(({ arm }) => kinematics.arms.find((a) => a.name === arm).firstColumn);
-    const arm = kinematics.arms.findIndex((a) => moving.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
-    this.arm = Math.max(arm, 0);
+    this.arm = Math.max(kinematics.arms.indexOf(movedArms(kinematics, moving)[0]), 0);
     this.selected = kinematics.arms.length ? { kind: "tool", arm: this.arm } : null;
     this.stale = true;
     this.hands.load();

@@ -110,8 +110,7 @@ class PlotSource {
 
   /** The arms that move. */
   arms() {
-    const columns = new Set(this.motions.flatMap(({ track, samples }) => [...(track ? track.columns : []), ...(samples.error ? samples.error.columns : [])]));
-    return this.kinematics.arms.filter((arm) => arm.robot.names.some((_, i) => columns.has(arm.firstColumn + i)));
+    return movedArms(this.kinematics, this.motions.flatMap(({ track, samples }) => [...(track ? track.columns : []), ...(samples.error ? samples.error.columns : [])]));
   }
 
   quantities(arm) {

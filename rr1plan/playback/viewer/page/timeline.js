@@ -122,8 +122,8 @@ function drawConflict({ time, rows }) {
 function rowsPlannedHere(track) {
   const { arms } = viewer.kinematics;
   const rows = data.arms.map((row) => {
-    const { firstColumn, robot } = arms.find(({ name }) => name === row.name), moves = [];
-    const slots = track.columns.flatMap((c, slot) => (c >= firstColumn && c < firstColumn + robot.names.length ? [slot] : []));
+    const arm = arms.find(({ name }) => name === row.name), moves = [];
+    const slots = track.columns.flatMap((c, slot) => (ownsColumn(arm, c) ? [slot] : []));
     for (let i = 0; i < track.pieces; i++) {
       const [begin, last] = [track.breaks[i], track.breaks[i + 1]], rate = (slot) => track.derived(i, slot, 0).slice(1);
       if (!slots.some((slot) => rate(slot).some((c, k) => Math.abs(c) * (last - begin) ** (k + 1) > STILL))) continue;

@@ -1,8 +1,11 @@
 // Paths and goals of the tools, and paths without times.
 
+/** Whether a column is a joint of an arm. */
+const ownsColumn = ({ firstColumn, robot }, column) => column >= firstColumn && column < firstColumn + robot.names.length;
+
 /** The arms that some columns move. */
 function movedArms(kinematics, columns) {
-  return kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
+  return kinematics.arms.filter((arm) => columns.some((column) => ownsColumn(arm, column)));
 }
 
 /** Positions of an arm's tool at each configuration. */
@@ -183,7 +186,7 @@ function waypointLines(kinematics, row, radius) {
 /** The waypoints of one arm, as configurations of all, without those at which it is where it was at the last one. */
 function ownWaypoints(kinematics, row, arm) {
   const { values, shape } = unpack(row.waypoints), [count, width] = shape, stops = [];
-  const own = row.columns.flatMap((c, k) => (c >= arm.firstColumn && c < arm.firstColumn + arm.robot.names.length ? [[c, k]] : []));
+  const own = row.columns.flatMap((c, k) => (ownsColumn(arm, c) ? [[c, k]] : []));
   for (let i = 0; i < count; i++) {
     if (i && own.every(([, k]) => values[i * width + k] === values[(i - 1) * width + k])) continue;
     const q = kinematics.rest();

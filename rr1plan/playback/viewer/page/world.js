@@ -320,8 +320,7 @@ class World {
 
   /** The arms of another motion on the same clock. */
   addFollower(kind, { columns }) {
-    const moved = this.kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
-    const bodies = this.ghost(kind, moved.flatMap((arm) => this.ghostItems(kind, arm, arm.firstLink)));
+    const bodies = this.ghost(kind, movedArms(this.kinematics, columns).flatMap((arm) => this.ghostItems(kind, arm, arm.firstLink)));
     this.followers[kind] = { bodies, poses: Float64Array.from(this.poses) };
   }
 
