@@ -1,4 +1,4 @@
-// The tool's Jacobian and damped least squares: joint motion for a dragged tool.
+// The tool's Jacobian: its speed, and by damped least squares the joint motion for a dragged tool.
 
 const MOST_STEP = 0.35; // [rad or m] largest change of a joint in one iteration
 const ITERATIONS = 40;
@@ -82,6 +82,12 @@ class DifferentialIk {
       for (let r = 0; r < 3; r++) { J[6 * column + r] += linear[r]; J[6 * column + 3 + r] += kind === 1 ? 0 : a[r]; }
     }
     return J;
+  }
+
+  /** The speed of the tool [m/s] at q, for velocities of all joints. */
+  toolSpeed(q, rates) {
+    const J = this.jacobian(q), own = rates.subarray(this.arm.firstColumn, this.arm.firstColumn + this.count);
+    return Math.hypot(...[0, 1, 2].map((r) => own.reduce((sum, rate, column) => sum + J[6 * column + r] * rate, 0)));
   }
 
   /** Yoshikawa's manipulability: the product of the Jacobian's singular values; 0 if the arm is singular. */

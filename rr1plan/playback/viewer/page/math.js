@@ -91,26 +91,6 @@ class Kinematics {
     return name;
   }
 
-  /** The speed of an arm's tool [m/s] at poses, for joint velocities qd: the sum over the joints. */
-  toolSpeed(arm, qd, poses) {
-    const { robot, firstLink, firstColumn } = arm, sum = [0, 0, 0], tool = 16 * this.toolIndex(arm) + 12;
-    for (let child = robot.tool; ;) {
-      const joint = robot.joints.find((one) => one.child === child);
-      if (!joint) break;
-      const at = 16 * (firstLink + joint.child), rate = joint.column < 0 ? 0 : joint.factor * qd[firstColumn + joint.column];
-      if (rate && joint.kind > 0) {
-        const axis = [0, 1, 2].map((r) => poses[at + r] * joint.axis[0] + poses[at + 4 + r] * joint.axis[1] + poses[at + 8 + r] * joint.axis[2]);
-        const arm = [0, 1, 2].map((r) => poses[tool + r] - poses[at + 12 + r]);
-        for (let r = 0; r < 3; r++) {
-          const a = (r + 1) % 3, b = (r + 2) % 3;
-          sum[r] += rate * (joint.kind === 1 ? axis[r] : axis[a] * arm[b] - axis[b] * arm[a]);
-        }
-      }
-      child = joint.parent;
-    }
-    return Math.hypot(...sum);
-  }
-
   /** Poses of one arm's links into poses, at 16 * its first link. */
   forward(arm, q, poses) {
     const first = arm.firstLink;

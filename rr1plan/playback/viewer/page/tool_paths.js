@@ -120,15 +120,13 @@ class ToolPath {
   /** The speed of each tool [m/s] at the ends of all pieces, and the largest speed. */
   measureSpeeds() {
     const { kinematics, track } = this, poses = new Float64Array(16 * kinematics.links), q = kinematics.rest();
+    const solvers = this.lines.map(({ arm }) => new DifferentialIk(kinematics, arm, poses));
     for (const line of this.lines) line.speeds = new Float64Array(this.times.length);
     this.times.forEach((t, i) => {
       const rates = kinematics.rest().fill(0);
       track.at(t, q);
       track.columns.forEach((column, slot) => { rates[column] = track.rate(t, slot, 1); });
-      for (const { arm, speeds } of this.lines) {
-        kinematics.forward(arm, q, poses);
-        speeds[i] = kinematics.toolSpeed(arm, rates, poses);
-      }
+      this.lines.forEach(({ speeds }, k) => { speeds[i] = solvers[k].toolSpeed(q, rates); });
     });
     this.fastest = Math.max(0, ...this.lines.map(({ speeds }) => Math.max(...speeds)));
   }
