@@ -704,7 +704,7 @@ def test_two_fingers_zoom_the_workspace_and_leave_the_arm(calm: Any) -> None:
 
     q, far = shown(calm), "RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)"
     before = calm.ask(far)
-    x, y = in_view(calm, [*calm.ask("RR1.lesson.arm.places(Array.from(RR1.q))[2]"), 0.0])
+    x, y = in_view(calm, [*calm.ask("RR1.lesson.arm.flat.places(Array.from(RR1.q))[2]"), 0.0])
     touch("touchStart", (x, y))
     touch("touchStart", (x, y), (x - 40, y))
     for spread in (20, 40, 60, 80):

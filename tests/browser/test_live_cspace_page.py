@@ -249,7 +249,7 @@ def test_a_drag_that_is_canceled_or_given_to_the_camera_moves_nothing(fresh: Any
 
     camera_at_rest(fresh)
     q, before = fresh.ask("Array.from(RR1.q)"), place(fresh, "violet")
-    for at in (in_view(fresh, before), in_view(fresh, fresh.ask("RR1.lesson.arm.tool([...RR1.q])"))):
+    for at in (in_view(fresh, before), in_view(fresh, fresh.ask("RR1.lesson.arm.flat.tool([...RR1.q])"))):
         x, y = at
         touch("touchStart", (x, y))
         for far in (10, 20, 30):
@@ -268,7 +268,7 @@ def test_a_drag_that_is_canceled_or_given_to_the_camera_moves_nothing(fresh: Any
 
 def test_links_turn_about_their_joints(fresh: Any) -> None:
     fresh.ask("RR1.setQ([0.2, -0.9])")
-    elbow, tool = np.array(fresh.ask("RR1.lesson.arm.places([0.2, -0.9])"))[1:]
+    elbow, tool = np.array(fresh.ask("RR1.lesson.arm.flat.places([0.2, -0.9])"))[1:]
     drags = (0.5 * elbow, np.array([0.5, 0.35])), (0.5 * (elbow + tool), elbow + np.array([0.3, 0.1]))
     for link, (middle, end) in enumerate(drags):
         fresh.ask("RR1.setQ([0.2, -0.9])")

@@ -169,12 +169,12 @@ class Kinematics {
   }
 
   /** Whether both solutions for the tool's position coincide; a gantry has one. */
-  isSingle(q) { return Math.abs(space.workspace.side(q)) < 1e-4; }
+  isSingle(q) { return Math.abs(space.arm.flat.side(q)) < 1e-4; }
 
   /** The other joint values with the same tool position, or null. */
   twin(q) {
     if (this.isSingle(q)) return null;
-    const other = space.workspace.twin(q);
+    const other = space.arm.flat.twin(q);
     return flat.kinds === "RR" || !space.place(other).outside ? other : null;
   }
 

@@ -95,7 +95,7 @@ class ReachMap {
   read() {
     if (!this.ignored) { this.corner.hidden = true; return; }
     this.corner.hidden = false;
-    const { arm } = viewer.lesson, [x, y] = arm.tool(this.space.columns.map((column) => viewer.q[column]));
+    const { arm } = viewer.lesson, [x, y] = arm.flat.tool(this.space.columns.map((column) => viewer.q[column]));
     const ways = this.count(x, y, this.mask());
     this.corner.querySelector("b").textContent = `tool at (${placed(x, arm.outer)}, ${placed(y, arm.outer)}) m: ${["in no way", "in one way", "in two ways"][ways]}`;
   }

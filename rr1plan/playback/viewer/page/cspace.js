@@ -274,7 +274,7 @@ class Lesson {
     this.tools = Object.fromEntries(["parts", "elbow", "tree", "grow", "torus", "phase", "undo", "reset"].map((name) => [name, tool(name)]));
     this.reach = part(".grow input");
     this.tools.parts.onclick = () => { this.tinted = !this.tinted; this.repaint(); };
-    this.tools.elbow.onclick = () => this.pose(this.workspace.twin(q2()));
+    this.tools.elbow.onclick = () => this.pose(this.arm.flat.twin(q2()));
     this.tools.tree.onclick = () => { this.showTree = !this.showTree; this.redraw(); };
     this.tools.grow.onclick = () => this.grow();
     this.tools.torus.onclick = () => this.toggleTorus();
@@ -459,7 +459,7 @@ class Lesson {
     }
     if (this.workspace) {
       this.workspace.follow(q);
-      this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
+      this.tools.elbow.disabled = Math.abs(this.arm.flat.side(q)) < 1e-6 || this.place(this.arm.flat.twin(q)).outside;
     }
     this.drawPhase();
     if (draw) this.chart.draw();

@@ -92,7 +92,7 @@ class CspaceChart {
   /** Draws what moves on the static layers: overlays, motion, names of the images, marks, names of the marks. */
   draw() {
     if (!this.still) return;
-    const { lesson, pen, unit } = this, { workspace } = lesson;
+    const { lesson, pen, unit } = this, { flat } = lesson.arm;
     pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
     pen.drawImage(this.still, 0, 0);
     this.inside(pen, () => {
@@ -101,8 +101,8 @@ class CspaceChart {
       this.drawNames(pen);
       const [u, v] = this.shares(q2());
       this.drawHairs(pen, u, v);
-      if (workspace && Math.abs(workspace.side(q2())) > 0.02 && !lesson.place(workspace.twin(q2())).outside) {
-        this.twin = this.shares(workspace.twin(q2()));
+      if (lesson.workspace && Math.abs(flat.side(q2())) > 0.02 && !lesson.place(flat.twin(q2())).outside) {
+        this.twin = this.shares(flat.twin(q2()));
         this.around(this.twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
       } else this.twin = null;
       data.goals.forEach((goal) => this.around(this.shares(goal), (x, y) => star(pen, x, y, 10.5 * unit, GOAL, unit)));

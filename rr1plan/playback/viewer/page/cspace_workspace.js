@@ -1,4 +1,4 @@
-// The planar arm in its workspace: the region it reaches, and inverse kinematics.
+// The planar arm in its workspace: the region it reaches, names of obstacles, numbers.
 
 const NAME_HEIGHT = 17; // [px] of an obstacle's name at least, two thirds of it letters
 const turn = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
@@ -28,36 +28,6 @@ class Workspace {
     for (const node of this.readout.box.querySelectorAll(".links")) node.hidden = !this.lengths.length;
     this.most = { RR: first * second, RP: this.outer, PR: second, PP: 1 }[kinds];
     this.unit = ["", " m", " m²"][[...kinds].filter((kind) => kind === "R").length];
-  }
-
-  /** Its sign identifies one of two solutions; zero if they coincide, or if the arm has only one. */
-  side(q) {
-    return this.flat.side(q);
-  }
-
-  /** Joint values that put the tool at a point of the plane, on one side; at the nearest one if it is out of reach. */
-  solve(x, y, side) {
-    return this.flat.solve(x, y, side);
-  }
-
-  /** The other joint values with the same tool position. */
-  twin(q) {
-    return this.solve(...this.tool(q), this.side(q) >= 0 ? -1 : 1);
-  }
-
-  /** Positions of first joint, second joint and tool. */
-  places(q) {
-    return this.flat.places(q);
-  }
-
-  tool(q) {
-    return this.places(q)[2];
-  }
-
-  /** Manipulability |det J| (Yoshikawa 1985) [m to the power of the number of revolute joints]. */
-  manipulability(q) {
-    const [[a, b], [c, d]] = this.flat.columns(q);
-    return Math.abs(a * d - b * c);
   }
 
   /** The region the tool reaches, and a handle on the tool. */
@@ -147,7 +117,7 @@ class Workspace {
   }
 
   follow(q) {
-    const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${placed(v, this.outer)} m`;
+    const [x, y] = this.flat.tool(q), now = this.flat.manipulability(q), meters = (v) => `${placed(v, this.outer)} m`;
     this.handle.position.set(x, y, data.planar.height);
     // Significant digits, for arms of millimeters too.
     const digits = (v, whole, count) => (whole < 0.05 ? v.toPrecision(3) : v.toFixed(count));
@@ -197,7 +167,7 @@ class Workspace {
 
   /** The path of the tool along configurations, while it changes with every drag. */
   drawWay(configurations) {
-    const { THREE } = viewer, points = configurations.map((q) => new THREE.Vector3(...this.tool(q), data.planar.height + 0.006 * this.outer));
+    const { THREE } = viewer, points = configurations.map((q) => new THREE.Vector3(...this.flat.tool(q), data.planar.height + 0.006 * this.outer));
     const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xe4500e }));
     line.renderOrder = 9;
     viewer.add("way", line);
@@ -213,20 +183,15 @@ class Workspace {
 
   /** The point of the arm's plane under the pointer, or null. */
   under(event) {
-    const { THREE } = viewer, { camera, pane } = viewer.stage, box = pane.getBoundingClientRect();
-    const spot = new THREE.Vector2((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height);
-    const ray = new THREE.Raycaster();
-    ray.setFromCamera(spot, camera);
-    // The y axis of the camera's world is the z axis of the scene.
-    const hit = ray.ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 1, 0), -data.planar.height), new THREE.Vector3());
-    return hit && [hit.x, -hit.z];
+    const { THREE } = viewer, plane = new THREE.Plane(new THREE.Vector3(0, 0, 1), -data.planar.height);
+    const hit = viewer.editing.picker.ray(event).intersectPlane(plane, new THREE.Vector3());
+    return hit && [hit.x, hit.y];
   }
 
   /** Pixels between the pointer and a point of the arm's plane. */
   distance(event, [x, y]) {
-    const { camera, pane } = viewer.stage, box = pane.getBoundingClientRect();
-    const at = new viewer.THREE.Vector3(x, data.planar.height, -y).project(camera);
-    return Math.hypot(box.left + ((at.x + 1) / 2) * box.width - event.clientX, box.top + ((1 - at.y) / 2) * box.height - event.clientY);
+    const at = viewer.editing.picker.project({ x, y, z: data.planar.height });
+    return Math.hypot(at.x - event.clientX, at.y - event.clientY);
   }
 
   /** Pixels between the pointer and a line in the arm's plane. */

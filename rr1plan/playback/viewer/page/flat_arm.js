@@ -29,6 +29,10 @@ class FlatArm {
     return [...found, at];
   }
 
+  tool(q) {
+    return this.places(q)[2];
+  }
+
   /** The velocity of the tool for one unit of each joint, and how a joint follows a drag from one point to another. */
   columns(q) {
     const places = this.places(q), tool = places[2];
@@ -38,6 +42,12 @@ class FlatArm {
       rot = cmul(rot, cturn(this.senses[k] * q[k]));
       return cmul([0, this.senses[k]], cadd(tool, cscale(places[k], -1)));
     });
+  }
+
+  /** Manipulability |det J| (Yoshikawa 1985) [m to the power of the number of revolute joints]. */
+  manipulability(q) {
+    const [[a, b], [c, d]] = this.columns(q);
+    return Math.abs(a * d - b * c);
   }
 
   /** Which of two solutions a configuration is: positive or negative; zero if they coincide or there is only one. */
@@ -73,11 +83,21 @@ class FlatArm {
     return [local[0] - second * slope[0], second];
   }
 
+  /** The same on the side of a configuration. */
+  follow(q, [x, y]) {
+    return this.solve(x, y, this.side(q) >= 0 ? 1 : -1);
+  }
+
+  /** The other joint values with the same tool position. */
+  twin(q) {
+    return this.solve(...this.tool(q), this.side(q) >= 0 ? -1 : 1);
+  }
+
   /** All solutions for a point, ignoring limits; none if it is out of reach. */
   solutions(x, y) {
     const sides = this.kinds === "PP" ? [1] : [1, -1], near = 1e-6;
     return sides.map((side) => this.solve(x, y, side)).filter((q) => {
-      const tool = this.places(q)[2];
+      const tool = this.tool(q);
       return Math.hypot(tool[0] - x, tool[1] - y) < near;
     });
   }

@@ -16,7 +16,7 @@ class PlanarDrags {
 
   /** The element under the pointer: {cursor, begin()}, or null. */
   find(event) {
-    const { arm, lesson } = this, q = q2(), joints = arm.places(q), point = arm.under(event);
+    const { arm, lesson } = this, q = q2(), joints = arm.flat.places(q), point = arm.under(event);
     if (arm.distance(event, joints[2]) < GRAB) return { begin: () => this.holdTool() };
     const name = point && lesson.live && lesson.edits.obstacleAt(point);
     if (name) return { name, begin: () => this.holdObstacle(name, point) };
@@ -28,13 +28,13 @@ class PlanarDrags {
 
   holdTool() {
     const { arm, lesson } = this, q = q2();
-    return { move: (point) => lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1)), drop() {}, cancel: () => lesson.pose(q) };
+    return { move: (point) => lesson.pose(arm.flat.follow(q2(), point)), drop() {}, cancel: () => lesson.pose(q) };
   }
 
   /** A link rotates about its joint, or slides along it. */
   holdLink(link, point) {
     const { arm, lesson } = this, { kinds, senses } = arm.flat, angle = (at) => Math.atan2(at[1] - center[1], at[0] - center[0]);
-    const q = q2(), center = arm.places(q)[link], from = angle(point), along = arm.flat.columns(q)[link];
+    const q = q2(), center = arm.flat.places(q)[link], from = angle(point), along = arm.flat.columns(q)[link];
     const moved = (at) => (kinds[link] === "R" ? senses[link] * turn(angle(at) - from) : (at[0] - point[0]) * along[0] + (at[1] - point[1]) * along[1]);
     return { move: (at) => lesson.pose(q.map((v, axis) => (axis === link ? v + moved(at) : v))), drop() {}, cancel: () => lesson.pose(q) };
   }
@@ -104,6 +104,6 @@ class PlanarDrags {
     const { arm, lesson } = this, point = arm.under(event);
     lesson.edits.select(null);
     if (!point) return;
-    if (arm.flat.solutions(...point).length) lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1));
+    if (arm.flat.solutions(...point).length) lesson.pose(arm.flat.follow(q2(), point));
   }
 }
