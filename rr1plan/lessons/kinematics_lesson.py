@@ -108,20 +108,10 @@ class KinematicsLesson(Lesson):
 
     def _data(self) -> Any:
         values, curves = self.map()
-        robot = self.robot
         return {
             "map": pack_array(np.abs(values)),
             "largest": float(np.abs(values).max()),
             "singular": [np.round(curve, 4).tolist() for curve in curves],
-            "joints": [{"slides": robot.joint(name).kind == "prismatic"} for name in robot.joint_names],
-            "flat": {
-                "kinds": self.flat.kinds,
-                "base": [self.flat.base.real, self.flat.base.imag],
-                "height": self.flat.height,
-                "bars": [[bar.real, bar.imag] for bar in self.flat.bars],
-                "senses": list(self.flat.senses),
-                "slides": [[way.real, way.imag] for way in self.flat.slides],
-            },
             "colors": {"x": X_AXIS, "y": Y_AXIS, "velocity": VELOCITY, "force": FORCE},
             "size": self.reach / REACH,
             "scales": self.scales(),

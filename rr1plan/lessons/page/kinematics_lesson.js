@@ -1,12 +1,9 @@
 // Frames, the other elbow, the columns of the Jacobian and the ellipses at the arm; |det J| in the configuration space.
 
-const own = data.own, { flat } = own, { THREE } = viewer;
-const space = viewer.lesson;
+const { own } = data, { THREE } = viewer, space = viewer.lesson, { flat } = space.arm;
 const fixed = (v, digits = 3) => (Number.isFinite(v) ? (Math.abs(v) < 0.5 * 10 ** -digits ? 0 : v).toFixed(digits).replace("-", "−") : "∞");
-const angle = (v) => `${tenths((180 / Math.PI) * v)}°`;
-const meters = (v, least) => placed(v, 2 * space.workspace.outer, least);
-const reading = (v, k) => (own.joints[k].slides ? `${meters(v)} m` : angle(v));
-const wrap = (v) => Math.atan2(Math.sin(v), Math.cos(v));
+const meters = (v, least) => placed(v, 2 * space.arm.outer, least);
+const reading = (v, k) => (flat.kinds[k] === "P" ? `${meters(v)} m` : `${tenths(DEGREES * v)}°`);
 
 class Kinematics {
   constructor() {
@@ -106,7 +103,7 @@ class Kinematics {
 
   /** Frames of base, first and second link, at their far ends: [x, y, heading]. */
   headings(q) {
-    const points = this.points(q), found = [[...flat.base, 0]];
+    const points = flat.places(q), found = [[...flat.base, 0]];
     let heading = 0;
     [...flat.kinds].forEach((kind, k) => {
       if (kind === "R") heading += flat.senses[k] * q[k];
@@ -126,39 +123,10 @@ class Kinematics {
   /** Current joint values. */
   get q() { return viewer.panelData.cspace.columns.map((column) => viewer.q[column]); }
 
-  /** Positions of first joint, second joint and tool as complex numbers. */
-  points(q) {
-    const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
-    let at = flat.base, rot = [1, 0];
-    const found = [];
-    [...flat.kinds].forEach((kind, k) => {
-      if (kind === "R") {
-        found.push(at);
-        rot = times(rot, [Math.cos(flat.senses[k] * q[k]), Math.sin(flat.senses[k] * q[k])]);
-      } else {
-        const [dx, dy] = times(rot, flat.slides[k]);
-        at = [at[0] + dx * q[k], at[1] + dy * q[k]];
-        found.push(at);
-      }
-      const [bx, by] = times(rot, flat.bars[k]);
-      at = [at[0] + bx, at[1] + by];
-    });
-    return [...found, at];
-  }
-
-  /** The tool's velocity per joint velocity, rows x and y: axis × (tool - joint), or the direction of a prismatic joint. */
+  /** The tool's velocity per joint velocity, rows x and y. */
   jacobian(q) {
-    const points = this.points(q), tip = points[2];
-    let heading = 0;
-    const columns = [...flat.kinds].map((kind, k) => {
-      if (kind === "R") {
-        heading += flat.senses[k] * q[k];
-        return [-flat.senses[k] * (tip[1] - points[k][1]), flat.senses[k] * (tip[0] - points[k][0])];
-      }
-      const [x, y] = flat.slides[k];
-      return [x * Math.cos(heading) - y * Math.sin(heading), x * Math.sin(heading) + y * Math.cos(heading)];
-    });
-    return [[columns[0][0], columns[1][0]], [columns[0][1], columns[1][1]]];
+    const [[a, c], [b, d]] = flat.columns(q);
+    return [[a, b], [c, d]];
   }
 
   /** Singular values of a 2 x 2 matrix and the direction of the larger one. */
@@ -169,19 +137,19 @@ class Kinematics {
   }
 
   /** Whether both solutions for the tool's position coincide; a gantry has one. */
-  isSingle(q) { return Math.abs(space.arm.flat.side(q)) < 1e-4; }
+  isSingle(q) { return Math.abs(flat.side(q)) < 1e-4; }
 
   /** The other joint values with the same tool position, or null. */
   twin(q) {
     if (this.isSingle(q)) return null;
-    const other = space.arm.flat.twin(q);
+    const other = flat.twin(q);
     return flat.kinds === "RR" || !space.place(other).outside ? other : null;
   }
 
   // ---- elements that move with the arm ----------------------------------------------------------
 
   follow() {
-    const { q } = this, points = this.points(q), J = this.jacobian(q), tip = points[2], on = (name) => this.shown.has(name);
+    const { q } = this, points = flat.places(q), J = this.jacobian(q), tip = points[2], on = (name) => this.shown.has(name);
     const frames = this.headings(q);
     this.frames.forEach(([x, y, tag], k) => {
       const [px, py, turn] = frames[k], long = 0.26 * this.size, [c, s] = [Math.cos(turn), Math.sin(turn)];
@@ -190,7 +158,7 @@ class Kinematics {
       tag.position.set(px - 0.1 * this.size * (c - s), py - 0.1 * this.size * (s + c), flat.height);
       x.visible = y.visible = tag.visible = on("frames");
     });
-    const twin = this.twin(q), bars = twin && this.points(twin);
+    const twin = this.twin(q), bars = twin && flat.places(twin);
     this.twinBars.forEach((bar, k) => {
       bar.visible = on("twin") && Boolean(twin);
       if (!bar.visible) return;
@@ -252,12 +220,10 @@ class Kinematics {
 
   drawMap(pen) {
     const { chart } = space, { unit, plot: { x, y, size } } = chart;
-    if (this.shown.has("map")) {
-      pen.globalAlpha = 0.85;
-      pen.drawImage(this.canvas, x, y, size, size);
-      pen.globalAlpha = 1;
-    }
     if (!this.shown.has("map")) return;
+    pen.globalAlpha = 0.85;
+    pen.drawImage(this.canvas, x, y, size, size);
+    pen.globalAlpha = 1;
     for (const curve of own.singular) {
       pen.setLineDash([]); pen.strokeStyle = "#fff"; pen.lineWidth = 5.5 * unit;
       chart.trace(pen, curve);
