@@ -231,11 +231,9 @@ class EdgeLesson {
     if (fixed) {
       this.samples = this.edge.samples(this.stepSize);
       showValue(this.step, part(".steps output"), extent(this.stepSize));
-      fillSlider(this.step);
     } else {
       Object.assign(this.walk, { min: 0, max: this.list.length, value: this.shown });
       showValue(this.walk, part(".walk output"), `${this.shown} / ${this.list.length}`);
-      fillSlider(this.walk);
     }
     this.pose();
     this.say();

@@ -232,7 +232,6 @@ class TwoArms {
     this.say();
     const { end } = this;
     Object.assign(this.clock, { max: end, value: this.time });
-    fillSlider(this.clock);
     showValue(this.clock, part(".walk output"), `${this.time.toFixed(1)} / ${end.toFixed(1)} s`);
   }
 

@@ -149,11 +149,6 @@ function choices(box, names, pick) {
   return (name) => buttons.forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.choice === name)));
 }
 
-/** Fills the part of a slider that is left of its thumb. */
-function fillSlider(slider) {
-  slider.style.setProperty("--part", `${(100 * (slider.value - slider.min)) / (slider.max - slider.min || 1)}%`);
-}
-
 /** Frames a part of the plane from above, [[x, y], [x, y]], until the user rotates the view; returns f(another part). */
 function lookFromAbove(view, height) {
   const { THREE, stage } = viewer;

@@ -86,13 +86,10 @@ class PotentialField extends Walk {
   tell() {
     const slider = part(".at"), length = Math.max(this.length, 0);
     Object.assign(slider, { max: length, value: this.at });
-    slider.style.setProperty("--part", `${(100 * this.at) / Math.max(length, 1)}%`);
     showValue(slider, part(".count"), `${this.at} / ${length}`);
     const knob = (name, values, value, text, on) => {
-      const input = part(name), k = values.indexOf(value);
-      input.value = k;
-      input.disabled = !on;
-      input.style.setProperty("--part", `${(100 * k) / (values.length - 1)}%`);
+      const input = part(name);
+      Object.assign(input, { value: values.indexOf(value), disabled: !on });
       input.parentElement.classList.toggle("off", !on);
       showValue(input, input.parentElement.querySelector("output"), text);
     };

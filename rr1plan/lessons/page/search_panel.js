@@ -75,10 +75,8 @@ class Search extends Walk {
   fill(name, values, value, text) {
     const slider = part(name);
     Object.assign(slider, { max: Math.max(values.length - 1, 0), value: Math.max(values.indexOf(value), 0), disabled: values.length < 2 });
-    slider.style.setProperty("--part", `${(100 * Math.max(values.indexOf(value), 0)) / Math.max(values.length - 1, 1)}%`);
-    slider.setAttribute("aria-valuetext", text);
     slider.parentElement.classList.toggle("off", values.length < 2);
-    slider.parentElement.querySelector("output").textContent = text;
+    showValue(slider, slider.parentElement.querySelector("output"), text);
   }
 
   get length() { return this.record.ends.length; }
@@ -96,7 +94,6 @@ class Search extends Walk {
     this.state = stateOf(record, k);
     const slider = part(".at");
     slider.value = k;
-    slider.style.setProperty("--part", `${(100 * k) / this.length}%`);
     showValue(slider, part(".count"), `${k} / ${this.length}`);
     const numbers = {
       vertices: this.state.count,

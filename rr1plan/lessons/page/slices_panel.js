@@ -111,7 +111,6 @@ class SixJoints {
     this.along = clamp(share, 0, 1);
     const slider = part(".motion input");
     slider.value = this.along;
-    fillSlider(slider);
     showValue(slider, part(".motion output"), percent(this.along, 0));
     const at = this.along * (rows.length - 1), k = Math.min(Math.floor(at), rows.length - 2);
     this.pose(rows[k].map((v, c) => v + (at - k) * (rows[k + 1][c] - v)));
@@ -152,7 +151,6 @@ class SixJoints {
     const q = this.q();
     this.sliders.forEach(({ slider, out, text }, k) => {
       slider.value = q[k];
-      fillSlider(slider);
       showValue(slider, out, text(q[k]));
     });
     if (this.mode === "solutions") this.pressSolution(String(this.solution()));

@@ -170,12 +170,7 @@ class Timing {
     Object.assign(slider, { type: "range", min: low, max: high, step: step || (high - low) / 200 });
     slider.value = value;
     slider.dataset.knob = name;
-    const refresh = () => {
-      const v = this.values[name];
-      out.textContent = say(v);
-      slider.setAttribute("aria-valuetext", say(v));
-      slider.style.setProperty("--part", `${(100 * ((log ? Math.log10(v) : v) - low)) / (high - low || 1)}%`);
-    };
+    const refresh = () => showValue(slider, out, say(this.values[name]));
     slider.oninput = () => { this.values[name] = log ? 10 ** Number(slider.value) : Number(slider.value); refresh(); this.stop(); this.compute(); this.at(this.share); };
     slider.setAttribute("aria-label", name);
     label.append(text, slider, out);
@@ -260,7 +255,6 @@ class Timing {
     this.share = share;
     const t = share * this.duration, slider = part(".at");
     slider.value = share;
-    slider.style.setProperty("--part", `${100 * share}%`);
     showValue(slider, part(".count"), `${seconds(t, this.duration).slice(0, -2)} / ${seconds(this.duration, this.duration)}`);
     const full = viewer.q.slice(), { columns } = viewer.panelData.cspace;
     this.motion.q(t).forEach((v, axis) => { full[columns[axis]] = v; });

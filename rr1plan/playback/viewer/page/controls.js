@@ -49,16 +49,13 @@ function onResize(node, f) {
   watch();
 }
 
-function fillPart(slider) {
-  const low = Number(slider.min), high = Number(slider.max);
-  slider.style.setProperty("--part", `${(100 * (Number(slider.value) - low)) / (high - low || 1)}%`);
-}
-
 /**
- * Shows the value of a slider as text, also to screen readers, which otherwise read the bare number of a slider.
- * They read the text on a visit, not at each of its changes while a motion plays.
+ * Fills a slider up to its thumb, and shows its value as text, also to screen readers, which otherwise read the bare
+ * number of a slider. They read the text on a visit, not at each of its changes while a motion plays.
  */
 function showValue(slider, out, text) {
+  const low = Number(slider.min), high = Number(slider.max);
+  slider.style.setProperty("--part", `${(100 * (Number(slider.value) - low)) / (high - low || 1)}%`);
   if (out.textContent === text) return;
   slider.setAttribute("aria-valuetext", text);
   out.setAttribute("aria-live", "off");
@@ -350,7 +347,6 @@ class Controls {
     const { player, manual } = this.viewer;
     const scrub = find("scrub");
     scrub.value = player.time;
-    fillPart(scrub);
     showValue(scrub, find("clock"), manual ? this.viewer.origin : seconds(player.time, player.end - player.start));
     if (this.shownPlaying !== player.playing) {
       this.shownPlaying = player.playing;
@@ -398,7 +394,6 @@ class Controls {
       for (const { slider, out, column, turns } of joints) {
         // Not during a drag: a simulated joint follows later.
         if (!slider.matches(":active")) slider.value = turns ? q[column] - TURN * Math.round(q[column] / TURN) : q[column];
-        fillPart(slider);
         showValue(slider, out, this.viewer.jointText(column, q[column]));
       }
     }

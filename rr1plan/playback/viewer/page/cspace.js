@@ -432,14 +432,12 @@ class Lesson {
     this.sliders.forEach(({ slider, out }, axis) => {
       const v = wrapped(axis, q[axis]);
       slider.value = v;
-      slider.style.setProperty("--part", `${100 * share(axis, v)}%`);
       showValue(slider, out, reading(axis, v));
     });
     if (this.isSlice) {
       this.otherSliders.forEach(({ slider, out }, k) => {
         const { column } = data.others[k], v = viewer.q[column];
         slider.value = v;
-        slider.style.setProperty("--part", `${(100 * (v - slider.min)) / (slider.max - slider.min)}%`);
         showValue(slider, out, viewer.jointText(column, v));
       });
       if (this.otherValues().some((v, k) => v !== this.cutAt[k])) this.recut();
@@ -546,7 +544,6 @@ class Lesson {
     this.chart.redraw();
     this.tools.tree.setAttribute("aria-pressed", String(this.showTree));
     this.reach.value = this.grown;
-    this.reach.style.setProperty("--part", `${(100 * this.grown) / (this.tree.length || 1)}%`);
     showValue(this.reach, part(".grow output"), `${this.grown}`);
   }
 }
