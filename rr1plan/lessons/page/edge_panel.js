@@ -350,7 +350,7 @@ class EdgeLesson {
     else this.drawIntervals(pen, unit, line);
     [edge.q0, edge.q1].forEach((q, end) => {
       const [x, y] = square.of(q);
-      dot(pen, x, y, 8 * unit, end ? GOAL : START, "#fff", 2.5 * unit);
+      disc(pen, x, y, 8 * unit, end ? GOAL : START, "#fff", 2.5 * unit);
       square.write(end ? "end" : "begin", x, y - 17 * unit, { color: end ? GOAL : START, align: x < square.plot.x + 40 * unit ? "left" : x > square.plot.x + square.plot.size - 30 * unit ? "right" : "center" });
     });
   }
@@ -359,8 +359,8 @@ class EdgeLesson {
     const r = this.samples.length > 80 ? 2.2 : 4.5;
     for (const { s, free } of this.samples) {
       const [x, y] = this.square.of(this.edge.at(s));
-      if (free) dot(pen, x, y, r * unit, BLUE, "#fff", unit);
-      else cross(pen, x, y, 6 * unit, TOUCH, 3 * unit);
+      if (free) disc(pen, x, y, r * unit, BLUE, "#fff", unit);
+      else rimmedCross(pen, x, y, 6 * unit, TOUCH, 3 * unit);
     }
   }
 
@@ -371,13 +371,13 @@ class EdgeLesson {
     for (const { begin, end, verdict } of seen) if (verdict === "free") line(begin, end, FREE, 7);
     for (const { begin, end, verdict } of seen) {
       if (verdict !== "free") continue;
-      for (const s of [begin, end]) dot(pen, ...square.of(edge.at(s)), 2.4 * unit, "#fff", FREE, 1.4 * unit);
+      for (const s of [begin, end]) disc(pen, ...square.of(edge.at(s)), 2.4 * unit, "#fff", FREE, 1.4 * unit);
     }
     if (!current) return;
     if (current.verdict === "halved") line(current.begin, current.end, OPEN, 7);
     const [x, y] = square.of(edge.at(current.where));
-    if (current.verdict === "contact") cross(pen, x, y, 8 * unit, TOUCH, 3.6 * unit);
-    else dot(pen, x, y, 5 * unit, "#fff", current.verdict === "free" ? FREE : OPEN, 3 * unit);
+    if (current.verdict === "contact") rimmedCross(pen, x, y, 8 * unit, TOUCH, 3.6 * unit);
+    else disc(pen, x, y, 5 * unit, "#fff", current.verdict === "free" ? FREE : OPEN, 3 * unit);
   }
 
   /** All configurations that the distances at one prove free: each pair allows sum of lever_j |dq_j| < distance. */
@@ -406,7 +406,7 @@ class EdgeLesson {
     const most = Math.max(LEAST, 1.06 * Math.max(...edge.curve));
     const x = (s) => left + s * (right - left), y = (v) => floor - (clamp(v, 0, most) / most) * (floor - top);
     bars.font(11);
-    Object.assign(pen, { fillStyle: SOFT, strokeStyle: "#e3e7ec", lineWidth: bars.ratio, textBaseline: "middle", textAlign: "right" });
+    Object.assign(pen, { fillStyle: SOFT, strokeStyle: GRID, lineWidth: bars.ratio, textBaseline: "middle", textAlign: "right" });
     const power = 10 ** Math.floor(Math.log10(most)), grid = power * (most > 5 * power ? 2 : most > 2.5 * power ? 1 : 0.5);
     for (let v = 0; v <= most; v += grid) {
       pen.beginPath(); pen.moveTo(left, y(v)); pen.lineTo(right, y(v)); pen.stroke();
@@ -423,10 +423,10 @@ class EdgeLesson {
     pen.stroke();
     if (this.mode === "steps") {
       for (const { s, free } of this.samples) {
-        if (free) dot(pen, x(s), floor, (this.samples.length > 80 ? 2 : 4) * unit, BLUE, "#fff", unit);
-        else cross(pen, x(s), floor, 5 * unit, TOUCH, 2.6 * unit);
+        if (free) disc(pen, x(s), floor, (this.samples.length > 80 ? 2 : 4) * unit, BLUE, "#fff", unit);
+        else rimmedCross(pen, x(s), floor, 5 * unit, TOUCH, 2.6 * unit);
       }
-    } else if (current) dot(pen, x(current.where), y(current.distance), 4.5 * unit, "#fff", INK, 2.2 * unit);
+    } else if (current) disc(pen, x(current.where), y(current.distance), 4.5 * unit, "#fff", INK, 2.2 * unit);
     bars.write("along the edge", 0.5 * (left + right), height - 9 * unit, { color: SOFT, weight: 400, size: 11.5 });
     bars.write(`distance [${UNIT}]`, left - 20 * unit, 9 * unit, { color: INK, align: "left", size: 11.5 });
     if (this.mode !== "steps") bars.write("motion bound", right, 9 * unit, { color: current && current.verdict === "halved" ? "#9a5f00" : FREE, align: "right", size: 11.5 });

@@ -244,7 +244,7 @@ function between([ax, ay, a], [bx, by, b]) {
 function nameTag(text, tall) {
   const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
   Object.assign(canvas, { width: 96, height: 64 });
-  Object.assign(pen, { font: `600 40px ${getComputedStyle(root).fontFamily}`, textAlign: "center", textBaseline: "middle", lineWidth: 8, lineJoin: "round", strokeStyle: "#fff", fillStyle: "#1b2430" });
+  Object.assign(pen, { font: `600 40px ${FONT}`, textAlign: "center", textBaseline: "middle", lineWidth: 8, lineJoin: "round", strokeStyle: "#fff", fillStyle: INK });
   pen.strokeText(text, 48, 34);
   pen.fillText(text, 48, 34);
   const map = new THREE.CanvasTexture(canvas);

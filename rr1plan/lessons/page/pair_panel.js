@@ -268,9 +268,9 @@ class TwoArms {
       Object.assign(pen, { strokeStyle: color, lineWidth: width * unit });
       square.line(path);
     }
-    square.mark(path[0], (x, y) => { dot(pen, x, y, 6 * unit, START, "#fff", 2 * unit); square.write("start", x, y - 15 * unit, { color: START }); });
-    square.mark(path[path.length - 1], (x, y) => { dot(pen, x, y, 6 * unit, GOAL, "#fff", 2 * unit); square.write("goal", x, y + 16 * unit, { color: GOAL }); });
-    square.mark(this.shownQ(), (x, y) => { dot(pen, x, y, 9.5 * unit, "#fff", INK, 1.2 * unit); dot(pen, x, y, 6 * unit, own); });
+    square.mark(path[0], (x, y) => { disc(pen, x, y, 6 * unit, START, "#fff", 2 * unit); square.write("start", x, y - 15 * unit, { color: START }); });
+    square.mark(path[path.length - 1], (x, y) => { disc(pen, x, y, 6 * unit, GOAL, "#fff", 2 * unit); square.write("goal", x, y + 16 * unit, { color: GOAL }); });
+    square.mark(this.shownQ(), (x, y) => { disc(pen, x, y, 9.5 * unit, "#fff", INK, 1.2 * unit); disc(pen, x, y, 6 * unit, own); });
     this.drawLegend(pen, unit);
   }
 
@@ -278,7 +278,7 @@ class TwoArms {
     const { x, y } = this.square.plot;
     data.layers.forEach(({ name, color }, k) => {
       const top = y + (16 + 18 * k) * unit;
-      dot(pen, x + 14 * unit, top, 5 * unit, color, "#fff", unit);
+      disc(pen, x + 14 * unit, top, 5 * unit, color, "#fff", unit);
       this.square.write(name, x + 24 * unit, top, { align: "left", color: INK, size: 11.5 });
     });
   }
@@ -294,7 +294,7 @@ class TwoArms {
     pen.clip();
     for (const schedule of this.scenario.schedules) if (schedule !== this.schedule) this.drawCurve(pen, unit, schedule, false);
     this.drawCurve(pen, unit, this.schedule, true);
-    for (const [at, color] of [[[0, 0], START], [[one, two], GOAL]]) dot(pen, ...diagram.of(at), 6.5 * unit, color, "#fff", 2 * unit);
+    for (const [at, color] of [[[0, 0], START], [[one, two], GOAL]]) disc(pen, ...diagram.of(at), 6.5 * unit, color, "#fff", 2 * unit);
     if (this.places) {
       const [px, py] = diagram.of(this.places);
       Object.assign(pen, { strokeStyle: INK, lineWidth: diagram.ratio, globalAlpha: 0.4 });
@@ -304,8 +304,8 @@ class TwoArms {
       pen.stroke();
       pen.setLineDash([]);
       pen.globalAlpha = 1;
-      dot(pen, px, py, 9.5 * unit, "#fff", INK, 1.2 * unit);
-      dot(pen, px, py, 6 * unit, this.isBlocked() ? TOUCH : INK);
+      disc(pen, px, py, 9.5 * unit, "#fff", INK, 1.2 * unit);
+      disc(pen, px, py, 6 * unit, this.isBlocked() ? TOUCH : INK);
     } else if (this.schedule.joint) diagram.write("off both paths", x + size / 2, y + size / 2, { color: INK, size: 14 });
     pen.restore();
     Object.assign(pen, { strokeStyle: INK, lineWidth: 1.1 * unit });

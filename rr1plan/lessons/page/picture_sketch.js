@@ -118,24 +118,6 @@ class Square extends Sketch {
   }
 }
 
-function dot(pen, x, y, r, fill, rim, width) {
-  pen.beginPath();
-  pen.arc(x, y, r, 0, 7);
-  pen.fillStyle = fill;
-  pen.fill();
-  if (rim) Object.assign(pen, { strokeStyle: rim, lineWidth: width }), pen.stroke();
-}
-
-function cross(pen, x, y, r, color, width) {
-  for (const [ink, line] of [["#fff", 2.2 * width], [color, width]]) {
-    Object.assign(pen, { strokeStyle: ink, lineWidth: line, lineCap: "round" });
-    pen.beginPath();
-    for (const s of [1, -1]) { pen.moveTo(x - r, y - s * r); pen.lineTo(x + r, y + s * r); }
-    pen.stroke();
-  }
-  pen.lineCap = "butt";
-}
-
 /** Buttons, one of which is pressed; pick(name) is called with its name. */
 function choices(box, names, pick) {
   const buttons = names.map(([name, text, title]) => {

@@ -327,18 +327,8 @@ class PotentialField extends Walk {
       pen.strokeStyle = "#fff"; pen.lineWidth = 6 * unit; chart.trace(pen, trail);
       pen.strokeStyle = PATH; pen.lineWidth = 3 * unit; chart.trace(pen, trail);
     }
-    if (["attraction", "sum"].includes(this.mode)) for (const cell of this.minima()) chart.around(chart.shares(this.center(cell)), (px, py) => this.cross(pen, px, py, 5 * unit, unit));
+    if (["attraction", "sum"].includes(this.mode)) for (const cell of this.minima()) chart.around(chart.shares(this.center(cell)), (px, py) => rimmedCross(pen, px, py, 5 * unit, INK, 2.4 * unit));
     pen.restore();
-  }
-
-  cross(pen, x, y, r, unit) {
-    for (const [color, wide] of [["#fff", 5], ["#1b2430", 2.4]]) {
-      pen.strokeStyle = color;
-      pen.lineWidth = wide * unit;
-      pen.beginPath();
-      pen.moveTo(x - r, y - r); pen.lineTo(x + r, y + r); pen.moveTo(x - r, y + r); pen.lineTo(x + r, y - r);
-      pen.stroke();
-    }
   }
 }
 

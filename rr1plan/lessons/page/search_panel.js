@@ -5,7 +5,6 @@
 //   search.go(k)                           show the first k steps;  search.at, search.length
 //   search.play()                          grow from the beginning, or stop
 
-const INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const DASHES = { Dijkstra: [2, 2], "A*": [], RRT: [7, 2.5], "RRT-Connect": [7, 2, 2, 2], "RRT*": [], PRM: [4, 1.5] };
 const [SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED] = data.kinds.map((_, k) => k);
 const rough = (number) => (number >= 10000 ? `${Math.round(number / 1000)}k` : `${number}`);
@@ -146,15 +145,12 @@ class Search extends Walk {
       pen.strokeStyle = record.sides[b] ? "#14855a" : color;
       line(record.vertices[a], record.vertices[b]);
     }
-    pen.fillStyle = color;
     for (let v = 0; v < state.count; v++) {
-      pen.fillStyle = record.sides[v] ? "#14855a" : color;
+      // Open vertices of a lattice are hollow, closed ones filled.
+      const isOpen = state.closed && !state.closed.has(v);
       chart.around(chart.shares(record.vertices[v]), (x, y) => {
-        pen.beginPath();
-        // Open vertices of a lattice are hollow, closed ones filled.
-        if (state.closed && !state.closed.has(v)) { pen.arc(x, y, 1.7 * unit, 0, 7); pen.fillStyle = "#fff"; pen.fill(); pen.strokeStyle = color; pen.stroke(); pen.fillStyle = color; return; }
-        pen.arc(x, y, (dense ? 1.3 : 1.9) * unit, 0, 7);
-        pen.fill();
+        if (isOpen) disc(pen, x, y, 1.7 * unit, "#fff", color, pen.lineWidth);
+        else disc(pen, x, y, (dense ? 1.3 : 1.9) * unit, record.sides[v] ? "#14855a" : color);
       });
     }
     pen.strokeStyle = "rgba(27, 36, 48, .5)";
@@ -239,7 +235,7 @@ class Search extends Walk {
     const shown = [...best, this.record];
     const costs = shown.flatMap((r) => r.costs.filter((c) => c !== null));
     const most = Math.max(...shown.map((r) => r.checks[r.checks.length - 1])), low = Math.min(...costs, 1e9), top = Math.max(...costs, low + 0.1 * data.scale);
-    pen.font = `11px ${getComputedStyle(root).fontFamily}`;
+    pen.font = `11px ${FONT}`;
     const marks = (costs.length ? [low, top] : []).map((c) => [c, placed(c, 2 * data.scale, 1)]);
     const left = Math.max(44, ...marks.map(([, text]) => pen.measureText(text).width + 9)), right = wide - 10, up = 18, down = high - 30, least = 20;
     const x = (n) => left + ((right - left) * Math.log(Math.max(n, least) / least)) / Math.log(most / least);
@@ -256,10 +252,10 @@ class Search extends Walk {
     pen.textAlign = "right"; pen.fillText("edges checked", right, high - 4);
     for (const r of shown) {
       const own = r === this.record, end = own ? this.at : r.checks.length, first = r.costs.findIndex((c) => c !== null);
-      pen.strokeStyle = pen.fillStyle = data.colors[r.planner];
+      pen.strokeStyle = data.colors[r.planner];
       pen.globalAlpha = own ? 1 : 0.55;
       pen.lineWidth = own ? 3 : 1.8;
-      if (own) { const now = end ? r.checks[end - 1] : 0; pen.fillStyle = ACCENT; pen.beginPath(); pen.arc(x(now), down, 4, 0, 7); pen.fill(); pen.fillStyle = data.colors[r.planner]; }
+      if (own) disc(pen, x(end ? r.checks[end - 1] : 0), down, 4, ACCENT);
       if (first < 0 || first >= end) continue;
       pen.setLineDash(DASHES[r.planner]);
       pen.beginPath();
@@ -267,7 +263,7 @@ class Search extends Walk {
       for (let k = first + 1; k < end; k++) { pen.lineTo(x(r.checks[k]), y(r.costs[k - 1])); pen.lineTo(x(r.checks[k]), y(r.costs[k])); }
       pen.stroke();
       pen.setLineDash([]);
-      pen.beginPath(); pen.arc(x(r.checks[first]), y(r.costs[first]), own ? 4.5 : 3, 0, 7); pen.fill();
+      disc(pen, x(r.checks[first]), y(r.costs[first]), own ? 4.5 : 3, data.colors[r.planner]);
     }
     pen.globalAlpha = 1;
   }
@@ -315,12 +311,6 @@ function stateOf(record, k) {
   const seen = [...newest].reverse().find((e) => [VERTEX, REFUSED, BLOCKED, CLOSED].includes(e.kind));
   const focus = seen && ([VERTEX, CLOSED].includes(seen.kind) ? record.vertices[seen.vertex] : seen.point);
   return { count, edges, rejected, rejectedTools, closed, newest, path: path && path.points, focus };
-}
-
-function cross(pen, x, y, r) {
-  pen.beginPath();
-  pen.moveTo(x - r, y - r); pen.lineTo(x + r, y + r); pen.moveTo(x - r, y + r); pen.lineTo(x + r, y - r);
-  pen.stroke();
 }
 
 function plus(pen, x, y, r) {

@@ -211,13 +211,13 @@ class SixJoints {
     if (this.mode === "solutions") {
       data.solutions.forEach((row, k) => {
         const color = { free: FREE, contact: TOUCH, limits: OPEN }[row.state], [x, y] = place(row.q);
-        dot(pen, x, y, 6 * unit, "#fff", color, 2.4 * unit);
+        disc(pen, x, y, 6 * unit, "#fff", color, 2.4 * unit);
         square.write(`${k + 1}`, x + 11 * unit, y - 9 * unit, { color });
       });
     }
     const [x, y] = place(this.q());
-    dot(pen, x, y, 9.5 * unit, "#fff", INK, 1.2 * unit);
-    dot(pen, x, y, 6 * unit, ACCENT);
+    disc(pen, x, y, 9.5 * unit, "#fff", INK, 1.2 * unit);
+    disc(pen, x, y, 6 * unit, ACCENT);
   }
 
   /** The curve of the self-motion projected to the slice; dashed where the arm is in contact. */
@@ -281,7 +281,7 @@ class SixJoints {
     const low = n && this.interval(n)[1] < 0.5 ? 0 : 0.5, high = 1;
     const y = (p) => floor - ((clamp(p, low, high) - low) / (high - low)) * (floor - top), x = (k) => left + (k / Math.max(n, 1)) * (right - left);
     chart.font(11);
-    Object.assign(pen, { fillStyle: SOFT, strokeStyle: "#e3e7ec", lineWidth: chart.ratio, textAlign: "right", textBaseline: "middle" });
+    Object.assign(pen, { fillStyle: SOFT, strokeStyle: GRID, lineWidth: chart.ratio, textAlign: "right", textBaseline: "middle" });
     for (const p of [low, 0.5 * (low + high), high]) {
       pen.beginPath(); pen.moveTo(left, y(p)); pen.lineTo(right, y(p)); pen.stroke();
       pen.fillText(percent(p, 0), left - 6 * unit, y(p));

@@ -6,7 +6,6 @@
 //   timing.drive()           drive the arm, or stop;  timing.at(share) puts it somewhere on its way
 //   timing.duration          of the motion shown [s]
 
-const INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const part = (selector) => root.querySelector(selector);
 // Units with a space before them: of path lengths, none if one joint turns and the other one slides, and of the first joint.
 const { colors, unit, first_unit: firstUnit, distances: [usual, farthest] } = data;
@@ -291,11 +290,11 @@ class Timing {
     if (this.mode === "shortcut") line(this.path, colors.short, 3);
     if (tried) {
       line([tried.begin, tried.end], tried.free ? ACCENT : INK, 2.4, tried.free ? [] : [2, 4]);
-      for (const q of [tried.begin, tried.end]) chart.around(chart.shares(q), (x, y) => { pen.beginPath(); pen.arc(x, y, 4 * unit, 0, 7); pen.fillStyle = tried.free ? ACCENT : INK; pen.fill(); });
+      for (const q of [tried.begin, tried.end]) chart.around(chart.shares(q), (x, y) => disc(pen, x, y, 4 * unit, tried.free ? ACCENT : INK));
       if (!tried.free) {
-        const middle = tried.begin.map((v, i) => (v + tried.end[i]) / 2), r = 6 * unit;
-        pen.strokeStyle = INK; pen.lineWidth = 2.4 * unit;
-        chart.around(chart.shares(middle), (x, y) => { pen.beginPath(); pen.moveTo(x - r, y - r); pen.lineTo(x + r, y + r); pen.moveTo(x - r, y + r); pen.lineTo(x + r, y - r); pen.stroke(); });
+        const middle = tried.begin.map((v, i) => (v + tried.end[i]) / 2);
+        Object.assign(pen, { strokeStyle: INK, lineWidth: 2.4 * unit });
+        chart.around(chart.shares(middle), (x, y) => cross(pen, x, y, 6 * unit));
       }
     }
     if (["blend", "plane", "cost"].includes(this.mode)) {
@@ -303,12 +302,9 @@ class Timing {
       line(this.grid.q, colors.blend, 3);
     }
     const corners = { path: data.raw, shortcut: this.path }[this.mode] || [];
-    pen.fillStyle = this.mode === "path" ? "#5f6b7a" : colors.short;
-    for (const q of corners) chart.around(chart.shares(q), (x, y) => { pen.beginPath(); pen.arc(x, y, 3 * unit, 0, 7); pen.fill(); });
-    if (this.plane) {
-      pen.fillStyle = INK;
-      for (const k of this.plane.switches) chart.around(chart.shares(this.grid.q[k]), (x, y) => { pen.beginPath(); pen.arc(x, y, 3 * unit, 0, 7); pen.fill(); });
-    }
+    const dots = (qs, color) => { for (const q of qs) chart.around(chart.shares(q), (x, y) => disc(pen, x, y, 3 * unit, color)); };
+    dots(corners, this.mode === "path" ? "#5f6b7a" : colors.short);
+    if (this.plane) dots(this.plane.switches.map((k) => this.grid.q[k]), INK);
   }
 
   // ---- the chart --------------------------------------------------------------------------------------
@@ -319,7 +315,7 @@ class Timing {
     Object.assign(canvas, { width: wide * ratio, height: high * ratio });
     const pen = canvas.getContext("2d");
     pen.scale(ratio, ratio);
-    pen.font = `11px ${getComputedStyle(root).fontFamily}`;
+    pen.font = `11px ${FONT}`;
     const box = { left: 40, right: wide - 8, top: 20, bottom: high - 30 };
     this.frame = box;
     if (this.mode === "plane") this.drawPlane(pen, box);
@@ -335,13 +331,13 @@ class Timing {
     pen.lineWidth = 1;
     pen.fillStyle = SOFT;
     pen.textAlign = "center";
-    for (const v of more.log ? [10, 30, 100, 300, 1000].filter((n) => n >= xLow && n <= xHigh) : ticksOf(xLow, xHigh, more.few || 6)) {
-      pen.strokeStyle = "#e3e7ec"; pen.beginPath(); pen.moveTo(x(v), up); pen.lineTo(x(v), bottom); pen.stroke();
+    for (const v of more.log ? [10, 30, 100, 300, 1000].filter((n) => n >= xLow && n <= xHigh) : niceTicks(xLow, xHigh, more.few || 6)) {
+      pen.strokeStyle = GRID; pen.beginPath(); pen.moveTo(x(v), up); pen.lineTo(x(v), bottom); pen.stroke();
       if (xText !== null) pen.fillText(`${Number(v.toPrecision(6))}`, x(v), bottom + 13);
     }
     pen.textAlign = "right";
-    for (const v of ticksOf(yLow, yHigh, more.tight ? 2 : 4)) {
-      pen.strokeStyle = "#e3e7ec"; pen.beginPath(); pen.moveTo(left, y(v)); pen.lineTo(right, y(v)); pen.stroke();
+    for (const v of niceTicks(yLow, yHigh, more.tight ? 2 : 4)) {
+      pen.strokeStyle = GRID; pen.beginPath(); pen.moveTo(left, y(v)); pen.lineTo(right, y(v)); pen.stroke();
       pen.fillText(`${Number(v.toPrecision(6))}`.replace("-", "−"), left - 5, y(v) + 4, 34);
     }
     pen.textAlign = "left"; pen.fillStyle = INK; pen.fillText(yText, left + 2, up - 7);
@@ -369,8 +365,7 @@ class Timing {
       const brakes = u < -1e-6;
       pen.strokeStyle = brakes ? colors.brake : colors.blend; pen.lineWidth = brakes ? 2 : 3.2; pen.stroke();
     });
-    pen.fillStyle = INK;
-    for (const k of plane.switches) { pen.beginPath(); pen.arc(x(grid.s[k]), y(plane.speed[k]), 3, 0, 7); pen.fill(); }
+    for (const k of plane.switches) disc(pen, x(grid.s[k]), y(plane.speed[k]), 3, INK);
     pen.restore();
     const t = this.share * this.duration, k = indexAt(plane.times, t, grid.s.length - 2), f = (t - plane.times[k]) / (plane.times[k + 1] - plane.times[k] || 1);
     this.cursor(pen, x(grid.s[k] + f * (grid.s[k + 1] - grid.s[k])), y(plane.speed[k] + f * (plane.speed[k + 1] - plane.speed[k])), box);
@@ -401,7 +396,7 @@ class Timing {
       pen.strokeStyle = colors.blend; pen.lineWidth = 2.2; curve(values);
       pen.restore();
       const now = seven.at(t)[k];
-      pen.fillStyle = ACCENT; pen.beginPath(); pen.arc(x(t), y(now), 3.5, 0, 7); pen.fill();
+      disc(pen, x(t), y(now), 3.5, ACCENT);
     });
     const phase = seven.durations.findIndex((d, k) => d > 1e-9 && t <= seven.ends[k + 1] + 1e-9);
     pen.fillStyle = INK; pen.textAlign = "left"; pen.fillText(`phase ${phase + 1}: ${data.phases[Math.max(phase, 0)]}`, box.left + 2, 12);
@@ -415,9 +410,9 @@ class Timing {
     const flat = (v, color, dash) => { pen.strokeStyle = color; pen.lineWidth = 2; pen.setLineDash(dash); pen.beginPath(); pen.moveTo(box.left, y(v)); pen.lineTo(box.right, y(v)); pen.stroke(); pen.setLineDash([]); };
     flat(durations.stop, INK, [6, 4]);
     flat(durations.blend, colors.blend, [8, 3, 2, 3]);
-    pen.strokeStyle = pen.fillStyle = colors.short; pen.lineWidth = 2.4;
+    pen.strokeStyle = colors.short; pen.lineWidth = 2.4;
     pen.beginPath(); jerks.forEach((j, k) => pen[k ? "lineTo" : "moveTo"](x(j), y(durations.smooth[k]))); pen.stroke();
-    jerks.forEach((j, k) => { pen.beginPath(); pen.arc(x(j), y(durations.smooth[k]), 4, 0, 7); pen.fill(); });
+    jerks.forEach((j, k) => disc(pen, x(j), y(durations.smooth[k]), 4, colors.short));
     pen.textAlign = "center"; pen.fillStyle = INK;
     jerks.forEach((j, k) => { if (k % 2 === 0) pen.fillText(durations.smooth[k].toFixed(2), Math.max(x(j), box.left + 14), y(durations.smooth[k]) - 9); });
     const rows = [[colors.short, [], "stops, jerk limit"], [INK, [6, 4], "stops, no jerk limit"], [colors.blend, [8, 3, 2, 3], "blends, no jerk limit"]];
@@ -443,8 +438,8 @@ class Timing {
 
   cursor(pen, x, y, { top: up, bottom }) {
     pen.strokeStyle = "rgba(228, 80, 14, .55)"; pen.lineWidth = 1; pen.beginPath(); pen.moveTo(x, up); pen.lineTo(x, bottom); pen.stroke();
-    pen.fillStyle = "#fff"; pen.beginPath(); pen.arc(x, y, 6, 0, 7); pen.fill();
-    pen.fillStyle = ACCENT; pen.beginPath(); pen.arc(x, y, 4.2, 0, 7); pen.fill();
+    disc(pen, x, y, 6, "#fff");
+    disc(pen, x, y, 4.2, ACCENT);
   }
 
   /** Legend of the lines, at the top right; returns the box that it leaves for the chart. */
@@ -491,14 +486,6 @@ function alongLines(path, velocity, acceleration) {
     const s = line.motion.at(Math.min(Math.max(t - ends[k], 0), line.motion.duration))[0];
     return line.from.map((v, i) => v + s * line.way[i]);
   } };
-}
-
-/** Round numbers of an interval, about `count` of them. */
-function ticksOf(low, high, count) {
-  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough || 1)), step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough) || power;
-  const found = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-  return found;
 }
 
 viewer.timing = new Timing();

@@ -31,9 +31,9 @@ from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_opt
 _PLANNER_SCRIPTS = ("math.js", "referee.js", "planner.js", "many_arms_planner.js", "background_planner.js")
 _SCRIPTS = (
     "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "multisampling.js", "stage.js", "pace.js",
-    "player.js", "conflicts.js", "keys.js", "controls.js", "overlays.js", "side_by_side.js", "plot_curves.js",
-    "plots.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js",
-    "scene_stages.js", "editing.js", "live.js", "printing.js", "main.js",
+    "player.js", "conflicts.js", "keys.js", "controls.js", "overlays.js", "side_by_side.js", "drawing.js",
+    "plot_curves.js", "plots.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js",
+    "jogging.js", "scene_stages.js", "editing.js", "live.js", "printing.js", "main.js",
 )  # fmt: skip
 _STYLES = ("page.css", "plots.css", "editing.css")
 

@@ -256,17 +256,6 @@ function meets(a, b) {
   return a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
 }
 
-function disc(pen, x, y, r, fill, rim, width) {
-  pen.beginPath();
-  pen.arc(x, y, r, 0, 7);
-  pen.fillStyle = fill;
-  pen.fill();
-  if (!rim) return;
-  pen.strokeStyle = rim;
-  pen.lineWidth = width;
-  pen.stroke();
-}
-
 function star(pen, x, y, r, fill, unit) {
   pen.beginPath();
   for (let k = 0; k < 10; k++) {

@@ -2,8 +2,7 @@
 // Positions are shares (u, v) of the two axes, 0 to 1, v upwards.
 
 const PARTS = ["#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7", "#fbd7e4", "#dfe8b8", "#c9ecee", "#efdfcf"];
-const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
-const START = "#2f66c8", GOAL = "#14855a";
+const CRUMBS = "#e6e9ee", START = "#2f66c8", GOAL = "#14855a";
 
 /** Patterns, so that no reader depends on colors: the inked part of a tile, x and y in 0..1, y downwards; the first is plain. */
 const LINE = 0.15, falls = (x, y) => (x - y + 1) % 1 < LINE, rises = (x, y) => (x + y) % 1 < LINE;

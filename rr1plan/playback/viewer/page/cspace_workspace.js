@@ -56,7 +56,7 @@ class Workspace {
       names.add(tag);
     }
     viewer.add("names", names);
-    this.handle = flat(new THREE.RingGeometry(0.042 * this.outer, 0.054 * this.outer, 48), 0xe4500e, 0.85);
+    this.handle = flat(new THREE.RingGeometry(0.042 * this.outer, 0.054 * this.outer, 48), ACCENT, 0.85);
     this.handle.material.depthTest = false;
     this.handle.renderOrder = 10;
     viewer.add("handle", this.handle);
@@ -157,7 +157,7 @@ class Workspace {
     const { THREE } = viewer, group = new THREE.Group(), wider = 1.1;
     for (const loop of loops) {
       const points = [...loop, loop[0]].map(([u, v]) => new THREE.Vector3(x + wider * u, y + wider * v, data.planar.height));
-      const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineDashedMaterial({ color: 0x1b2430, dashSize: 0.025 * this.outer, gapSize: 0.015 * this.outer, depthTest: false }));
+      const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineDashedMaterial({ color: INK, dashSize: 0.025 * this.outer, gapSize: 0.015 * this.outer, depthTest: false }));
       line.computeLineDistances();
       line.renderOrder = 11;
       group.add(line);
@@ -168,7 +168,7 @@ class Workspace {
   /** The path of the tool along configurations, while it changes with every drag. */
   drawWay(configurations) {
     const { THREE } = viewer, points = configurations.map((q) => new THREE.Vector3(...this.flat.tool(q), data.planar.height + 0.006 * this.outer));
-    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xe4500e }));
+    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: ACCENT }));
     line.renderOrder = 9;
     viewer.add("way", line);
   }

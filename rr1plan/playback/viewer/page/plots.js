@@ -1,7 +1,6 @@
 // The card of curves under the scene: joints against their limits, torques, clearances, tracking errors, violations.
 
 const EDGES = { left: 50, right: 12, top: 15, bottom: 19 }; // [px]
-const BAD = "#c2255c", SOFT = "#667080", INK = "#1b2430", GRID = "#e3e7ec";
 const WIDE = 1000; // [px] width of the picture from which two curves are shown initially
 /** The quantity in whose chart violations of a kind are marked across the whole height. */
 const KINDS = { collision: "clearance", undecided: "clearance", torque: "torque", velocity: "velocity", acceleration: "acceleration", jerk: "jerk", position: "position" };
@@ -187,14 +186,6 @@ function dashes(kind) {
   pen.lineTo(52, 4);
   pen.stroke();
   return canvas;
-}
-
-/** Round numbers between low and high, about as many as requested. */
-function niceTicks(low, high, count) {
-  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((f) => f * power >= 0.7 * rough);
-  const ticks = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) ticks.push(k * step);
-  return ticks;
 }
 
 class Chart {

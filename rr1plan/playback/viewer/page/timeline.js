@@ -40,9 +40,9 @@ function drawGrid() {
   pen.textBaseline = "alphabetic";
   niceTicks(line.start, line.start + line.makespan, 6).forEach((time, k, all) => {
     const at = x(time), isLast = k === all.length - 1;
-    pen.fillStyle = "#e3e7ec";
+    pen.fillStyle = GRID;
     pen.fillRect(Math.round(at), 0, 1, below);
-    pen.fillStyle = "#667080";
+    pen.fillStyle = SOFT;
     pen.textAlign = isLast && at > right - 12 ? "right" : "center";
     pen.fillText(`${shortNumber(time)}${isLast ? " s" : ""}`, at, below + 14);
   });
@@ -51,7 +51,7 @@ function drawGrid() {
 function drawRow(arm, row, named) {
   const thick = Math.max(2.5, 0.62 * rowHeight), thin = Math.max(1.2, 0.17 * rowHeight);
   if (named) {
-    pen.fillStyle = "#1b2430";
+    pen.fillStyle = INK;
     pen.textAlign = "left";
     pen.textBaseline = "middle";
     pen.fillText(arm.name, 0, y(row), left - 6);
@@ -62,7 +62,7 @@ function drawRow(arm, row, named) {
   pen.globalAlpha = 1;
   for (const [begin, last] of arm.moves) pen.fillRect(x(begin), y(row) - thick / 2, Math.max(1, x(last) - x(begin)), thick);
   if (arm.undelayed !== null && arm.moves.length) {
-    pen.fillStyle = "#1b2430";
+    pen.fillStyle = INK;
     pen.fillRect(x(line.start + arm.undelayed) - 0.75, y(row) - 0.42 * rowHeight, 1.5, 0.84 * rowHeight);
   }
 }
@@ -84,12 +84,7 @@ function drawArrows() {
         pen.lineTo(at - 4, to - 7 * sign);
         pen.lineTo(at + 4, to - 7 * sign);
         pen.fill();
-        pen.beginPath();
-        pen.arc(at, from, 3.2, 0, 7);
-        pen.fill();
-        pen.strokeStyle = "#fff";
-        pen.lineWidth = 1.2;
-        pen.stroke();
+        disc(pen, at, from, 3.2, line.arms[other].color, "#fff", 1.2);
       }
     }
   });
@@ -104,18 +99,7 @@ function drawConflict({ time, rows }) {
   pen.lineTo(x(time), y(Math.max(...rows)));
   pen.stroke();
   const r = Math.max(3, Math.min(5, 0.3 * rowHeight));
-  for (const row of rows) {
-    for (const [color, line] of [["#fff", 5], [CONFLICT, 2.6]]) {
-      pen.strokeStyle = color;
-      pen.lineWidth = line;
-      pen.beginPath();
-      for (const sign of [1, -1]) {
-        pen.moveTo(x(time) - r, y(row) - sign * r);
-        pen.lineTo(x(time) + r, y(row) + sign * r);
-      }
-      pen.stroke();
-    }
-  }
+  for (const row of rows) rimmedCross(pen, x(time), y(row), r, CONFLICT, 2.6);
 }
 
 /** The rows of a motion planned by the page, in which no arm waits. */
