@@ -58,7 +58,7 @@ def test_all_browsers_follow_and_each_is_heard(browser: Any, flat: rp.Scene) -> 
         assert heard.empty()
     for tab in tabs[1:]:
         wait_until(tab, "RR1.live.ended")
-        assert "has ended" in tab.evaluate("document.getElementById('status').textContent")
+        assert "no longer updates" in tab.evaluate("document.getElementById('status').textContent")
         tab.close()
 
 
@@ -206,7 +206,7 @@ def test_pages_come_back_when_a_killed_program_is_started_again(browser: Any) ->
     tab.close()
 
 
-def test_a_page_says_that_its_program_has_ended(tab: Any) -> None:
+def test_a_page_says_that_its_program_no_longer_updates_it(tab: Any) -> None:
     program, url = run_program(0, "first", 0.5)
     with program:
         tab.page.goto(url)
@@ -214,7 +214,7 @@ def test_a_page_says_that_its_program_has_ended(tab: Any) -> None:
         program.communicate(timeout=60)  # it ends by itself, without `close`
         assert program.returncode == 0
         wait_until(tab.page, "RR1.live.ended")
-    assert "has ended" in tab.ask("document.getElementById('status').textContent")
+    assert "no longer updates" in tab.ask("document.getElementById('status').textContent")
 
 
 def test_a_page_notices_that_its_program_does_not_answer(

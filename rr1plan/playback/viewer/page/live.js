@@ -75,7 +75,7 @@ class Live {
 
   end() {
     this.ended = true;
-    this.viewer.controls.status("The program has ended; the page stays usable");
+    this.viewer.controls.status("The program no longer updates this page, which stays usable");
   }
 
   take(data) {
