@@ -25,6 +25,7 @@ def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any)
         viewer = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
         page.goto(viewer.url)
         wait_until(page, "window.RR1 && RR1.ready && RR1.live.socket && RR1.live.socket.readyState === 1")
+        assert page.locator("#badge").is_hidden()  # it would say "Not checked" beside the verdict
         for k, off in enumerate((0.0, 0.001, 0.5)):
             q = scene.configuration() + off * np.eye(6)[0]
             mirror.receive(rp.StateMessage(float(k), names, q, received=float(k)))
