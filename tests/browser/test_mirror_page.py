@@ -43,6 +43,9 @@ def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any)
         wait_until(page, "document.querySelector('#panel-mirror .verdict').className === 'verdict open'")
         verdict = tab.ask("document.querySelector('#panel-mirror .verdict').textContent")
         assert verdict == "Not proven: the plan assumes rr1/finger_joint and rr1/opposite_finger_joint elsewhere"
+        state = {"time": 4.0, "rate": 1.0, "delay": 0.0, "deviation": None, "use": None, "pair": None, "contacts": []}
+        viewer.update_panel("mirror", {"state": {**state, "moved": ["a", "b", "c"]}})
+        wait_until(page, "document.querySelector('#panel-mirror .verdict').innerText.endsWith('a, b and c elsewhere')")
     assert tab.complaints == []
 
 

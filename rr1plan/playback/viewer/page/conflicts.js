@@ -53,6 +53,10 @@ function nameOf({ kind, subject }) {
   return kind === "collision" ? subject.join(" and ") : [subject.join(" and "), kind].filter(Boolean).join(" ");
 }
 
+/** All names, as in "a, b and c". */
+const listed = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names.at(-1)}` : names[0]);
+
+/** Some names, and how many more there are. */
 function namesOf(names, most, between) {
   const more = names.length - most;
   return [...names.slice(0, most), ...(more > 0 ? [`and ${more} more`] : [])].join(between);

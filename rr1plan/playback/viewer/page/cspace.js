@@ -563,8 +563,6 @@ function words(answer) {
   return { text, color, ink: isLight(color) ? INK : "#fff" };
 }
 
-const listed = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names[names.length - 1]}` : names[0]);
-
 /** The card of the phase plane in a corner of the workspace. */
 function makePhase() {
   const card = element("figure", undefined, "phase card"), plot = element("canvas");

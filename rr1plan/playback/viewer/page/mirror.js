@@ -69,7 +69,7 @@ function show() {
   verdict.className = `verdict ${touching || outside ? "bad" : late || moved || state.use === null ? "open" : "good"}`;
   verdict.textContent = touching ? `${state.contacts[0].join(" and ")} touch`
     : late && !outside ? `No usable message since ${inSeconds(state.time)}: the arm may be elsewhere`
-    : moved ? `Not proven: the plan assumes ${state.moved.join(" and ")} elsewhere`
+    : moved ? `Not proven: the plan assumes ${listed(state.moved)} elsewhere`
     : outside ? `Outside the certified corridor: ${state.pair.join(" and ")} might touch`
     : state.use === null ? "No plan to compare with" : "Inside the certified corridor: proven free of collision";
   facts.textContent = late ? inSeconds(state.time) : `${inSeconds(state.time)} · ${state.rate.toFixed(0)} messages/s · delay ${(1000 * state.delay).toFixed(1)} ms`;
