@@ -168,6 +168,21 @@ def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, les
     assert page.ask(value) == pytest.approx(paused)
 
 
+@pytest.mark.parametrize("lesson", ANIMATIONS, indirect=True)
+def test_animations_show_their_end_at_once_with_reduced_motion(page: Any, lesson: rp.Lesson) -> None:
+    step, value = ANIMATIONS[lesson.name]
+    page.ask("name => RR1.steps.go(RR1.steps.articles.findIndex(({ dataset }) => dataset.step === name))", step)
+    page.ask("RR1.film.show(RR1.film.end)")
+    last = page.ask(value)
+    page.ask("RR1.film.show(RR1.film.start)")
+    page.page.emulate_media(reduced_motion="reduce")
+    try:
+        page.page.keyboard.press("g" if lesson.name == "no_path" else " ")
+        assert page.ask(value) == last
+    finally:
+        page.page.emulate_media(reduced_motion="no-preference")
+
+
 @pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
 def test_paper_shows_all_of_a_text_that_scrolls_in_the_window(page: Any, lesson: rp.Lesson) -> None:
     page.resize(800, 600)

@@ -169,6 +169,7 @@ class EdgeLesson {
 
   run() {
     if (this.timer) { this.stop(); return; }
+    if (reducedMotion()) { this.shown = this.list.length; this.refresh(); return; }
     if (this.shown >= this.list.length) this.shown = 0;
     const { pace } = this;
     const tick = () => {

@@ -168,6 +168,7 @@ class TwoArms {
 
   run() {
     if (this.timer) { this.stop(); return; }
+    if (reducedMotion()) { this.setTime(this.end); return; }
     const { end, rate } = this;
     if (this.time >= end) this.time = 0;
     let last = performance.now();
