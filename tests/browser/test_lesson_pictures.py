@@ -349,6 +349,20 @@ def test_the_slice_follows_an_obstacle_that_is_dragged(page: tuple[Any, Any]) ->
 
 
 @pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+@pytest.mark.parametrize("button", ["left", "right"])
+def test_only_the_main_button_drags_in_a_picture(page: tuple[Any, Any], button: Any) -> None:
+    tab, _ = page
+    box = tab.page.locator("#panel-slices .plot canvas").bounding_box()
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    before = tab.ask("Array.from(RR1.q)")
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down(button=button)
+    tab.page.mouse.move(x + 20, y + 20)
+    tab.page.mouse.up(button=button)
+    assert (tab.ask("Array.from(RR1.q)") != before) == (button == "left")
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
 def test_keys_go_to_solutions_and_the_tool_stays(page: tuple[Any, Any]) -> None:
     tab, lesson = page
     go_to(tab, "solutions")

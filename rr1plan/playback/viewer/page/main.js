@@ -382,14 +382,18 @@ class Viewer {
     requestAnimationFrame(frame);
     // Without frames for a while, because the page is hidden: no late frame.
     document.addEventListener("visibilitychange", () => { this.player.last = this.pace.last = null; });
-    this.ignoreMoreFingers();
+    this.ignoreMorePointers();
   }
 
-  /** Lets panels follow the first finger only; in the 3-D view a second one zooms. */
-  ignoreMoreFingers() {
+  /**
+   * Lets panels follow the first finger and the main button only. In the 3-D view others zoom and shift the picture; and
+   * once another button has opened the menu of the browser, pages do not learn of its release.
+   */
+  ignoreMorePointers() {
     for (const kind of ["pointerdown", "pointermove", "pointerup", "pointercancel"]) {
       document.addEventListener(kind, (event) => {
-        if (!event.isPrimary && !this.stage.pane.contains(event.target)) event.stopPropagation();
+        const isOther = !event.isPrimary || (event.buttons > 0 && !(event.buttons & 1));
+        if (isOther && !this.stage.pane.contains(event.target)) event.stopPropagation();
       }, true);
     }
   }
