@@ -458,6 +458,13 @@ def test_the_torus_shows_the_image_and_a_click_moves_the_arm(tab: Any, page_file
     assert np.abs(after - before).max() > 0.05
     # The near side of the torus, on which the eye looks.
     assert abs((after[0] + np.pi - tab.ask("RR1.lesson.torus.turn[0]") + np.pi) % TURN - np.pi) < 0.2
+    # A press that the system has taken over no longer turns it.
+    turned = tab.ask("RR1.lesson.torus.turn")
+    tab.page.mouse.down()
+    tab.ask("RR1.lesson.torus.canvas.dispatchEvent(new PointerEvent('pointercancel', { isPrimary: true }))")
+    tab.page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.6 * box["height"])
+    assert tab.ask("RR1.lesson.torus.turn") == turned
+    tab.page.mouse.up()
     tab.page.keyboard.press("d")
     assert tab.page.locator("canvas.torus").count() == 0
     assert tab.page.locator(".plot > canvas").is_visible()

@@ -88,6 +88,7 @@ class TorusView {
       if (last && moved < 4) this.click(event);
       last = null;
     });
+    canvas.addEventListener("pointercancel", () => { last = null; });
   }
 
   rotate(around, above) {
