@@ -178,6 +178,18 @@ def test_no_text_can_leave_its_script_element(text: str) -> None:
     assert json.loads(written) == {"name": text}
 
 
+def test_numbers_and_arrays_of_numpy_are_plain_on_a_page(rr1_table: rp.Scene) -> None:
+    data = {"one": np.int64(3), "off": np.float32(0.5), "free": np.bool_(True), "q": np.eye(2)}
+    plain = {"one": 3, "off": 0.5, "free": True, "q": [[1.0, 0.0], [0.0, 1.0]]}
+    assert json.loads(json_for_html(data)) == plain
+    options = rp.ViewOptions(quiet=True, port=0, panels=[Panel("own", "Own", data=data)])
+    with rp.show(rr1_table, options=options) as viewer:
+        viewer.update_panel("own", data)
+        for bad in (np.array([np.nan]), np.array([1j]), {1}):
+            with pytest.raises(rp.InputError, match="the page cannot hold this data"):
+                viewer.update_panel("own", {"value": bad})
+
+
 def test_nasty_names_stay_names(rr1: rp.Robot) -> None:
     scene = rp.Scene(name=NASTY, description=NASTY).with_arm("arm", rr1)
     page = page_html(view_document(scene, options=rp.ViewOptions(title=NASTY)))

@@ -23,6 +23,7 @@ from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.kernels.wasm_core import core_script
 from rr1plan.playback.viewer.live_page import LiveAccess
+from rr1plan.playback.viewer.page_arrays import plain_value
 from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.page_planner import page_modules
@@ -109,7 +110,7 @@ def json_for_html(value: object) -> str:
         InputError: a value that JSON cannot represent, including NaN and infinity.
     """
     try:
-        text = json.dumps(value, allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+        text = json.dumps(value, allow_nan=False, separators=(",", ":"), ensure_ascii=True, default=plain_value)
     except (TypeError, ValueError) as error:
         raise InputError(f"the page cannot hold this data: {error}") from error
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

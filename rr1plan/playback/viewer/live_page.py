@@ -19,6 +19,7 @@ from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from rr1plan.errors import InputError
+from rr1plan.playback.viewer.page_arrays import plain_value
 from rr1plan.thread_locks import per_process
 
 logger = logging.getLogger(__name__)
@@ -96,7 +97,7 @@ class LivePage:
             self._frame = None
             self._commands = {kind: text for kind, text in self._commands.items() if kind == "speed"}
             message = {"type": "document", "version": self._version, "value": document}
-            self._document = text = json.dumps(message, allow_nan=False)
+            self._document = text = json.dumps(message, allow_nan=False, default=plain_value)
             for name in document.get("panels", ()):  # new data, which earlier updates do not concern
                 self._panels.pop(name, None)
         self._run(lambda: self.tell(text))
@@ -205,7 +206,7 @@ class LivePage:
 
 
 def _panels_message(panels: dict[str, dict[str, Any]]) -> str:
-    return json.dumps({"type": "panels", "value": panels}, allow_nan=False)
+    return json.dumps({"type": "panels", "value": panels}, allow_nan=False, default=plain_value)
 
 
 class PageHandler(RequestHandler):

@@ -172,7 +172,7 @@ class Viewer:
 
         Args:
             name: The panel.
-            data: Anything that JSON can represent.
+            data: As that of a `Panel`.
 
         Raises:
             UnknownNameError: the page has no such panel.

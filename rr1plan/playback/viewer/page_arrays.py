@@ -41,6 +41,17 @@ def pack_bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
     return pack_array(np.frombuffer(values.tobytes() + bytes(-values.size % 4), dtype="<u4"), "u4")
 
 
+def plain_value(value: object) -> object:
+    """A number or an array of NumPy as a plain value, for `json.dumps`, which calls this for values it does not know.
+
+    Raises:
+        TypeError: another value.
+    """
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"a value of type {type(value).__name__}")
+
+
 def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
     """The array in a value of `pack_array`."""
     values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])

@@ -28,7 +28,7 @@ class Panel:
         css: Style rules, in which lengths in px grow with the window, as all texts of the page.
         script: JavaScript statements, run once with three names in scope: `viewer` (see `page/main.js` for its
             interface), `root` (the panel's element), `data`.
-        data: Anything that JSON can represent; arrays by `pack_array`.
+        data: Anything that JSON can represent, and numbers and arrays of NumPy; large arrays by `pack_array`.
         width: Width of the column of panels [px], in a small window.
 
     Raises:
