@@ -10,9 +10,7 @@ const LEAST = 0.032 * WIDTH; // the axis of distances ends there or higher [m]
 
 /** Distances of all pairs beyond their padding, and the links they belong to. */
 function clearances(q) {
-  const full = viewer.q.slice();
-  q.forEach((v, axis) => { full[data.columns[axis]] = v; });
-  const poses = viewer.poses(full);
+  const poses = viewer.poses(withColumns(viewer.q, data.columns, q));
   return data.pairs.map(({ a, b, padding }) => elementDistance(a, b, poses, data.outlines) - padding - TOLERANCE);
 }
 
@@ -244,11 +242,10 @@ class EdgeLesson {
 
   /** The arm at the checked configuration, with the region that it may sweep. */
   pose() {
-    const { current, edge } = this, full = viewer.q.slice();
+    const { current, edge } = this;
     const hit = this.mode === "steps" ? this.samples.find((sample) => !sample.free) : null;
     const at = current ? current.where : hit ? hit.s : this.inContact.length ? 0.5 * (this.inContact[0][0] + this.inContact[0][1]) : 0.5;
-    edge.at(at).forEach((v, axis) => { full[data.columns[axis]] = v; });
-    viewer.setQ(full);
+    viewer.setQ(withColumns(viewer.q, data.columns, edge.at(at)));
     viewer.add("sweep", current ? this.sweep(current) : this.ghosts());
   }
 
@@ -283,9 +280,8 @@ class EdgeLesson {
 
   /** The outlines of that region, one for each part of a link. */
   swept(interval) {
-    const full = viewer.q.slice(), half = Math.max(interval.where - interval.begin, interval.end - interval.where);
-    this.edge.at(interval.where).forEach((v, axis) => { full[data.columns[axis]] = v; });
-    const poses = viewer.poses(full), firstPairs = new Map(data.pairs.map(({ a }, k) => [a, k]).reverse());
+    const half = Math.max(interval.where - interval.begin, interval.end - interval.where);
+    const poses = viewer.poses(withColumns(viewer.q, data.columns, this.edge.at(interval.where))), firstPairs = new Map(data.pairs.map(({ a }, k) => [a, k]).reverse());
     return [...firstPairs].flatMap(([link, k]) => data.outlines[link].map((outline) => (
       movedOutline({ ...outline, radius: outline.radius + Math.min(half * this.edge.travel[k], 0.8 * WIDTH) }, poses[link]))));
   }
@@ -302,9 +298,7 @@ class EdgeLesson {
     const { THREE } = viewer, group = new THREE.Group(), every = Math.ceil(this.samples.length / 120);
     this.samples.forEach(({ s, free }, k) => {
       if (k % every && free) return;
-      const full = viewer.q.slice();
-      this.edge.at(s).forEach((v, axis) => { full[data.columns[axis]] = v; });
-      const poses = viewer.poses(full);
+      const poses = viewer.poses(withColumns(viewer.q, data.columns, this.edge.at(s)));
       for (const link of Object.keys(data.outlines)) {
         if (poses[link]) for (const outline of data.outlines[link]) group.add(this.flat(outline, poses[link], free ? BLUE : TOUCH, free ? 0.2 : 0.5, data.height));
       }

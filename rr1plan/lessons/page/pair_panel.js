@@ -153,10 +153,8 @@ class TwoArms {
   }
 
   pose(q) {
-    const full = viewer.q.slice();
-    data.columnsOfBoth.forEach((column, k) => { full[column] = q[k]; });
     this.posed = q;
-    viewer.setQ(full);
+    viewer.setQ(withColumns(viewer.q, data.columnsOfBoth, q));
   }
 
   q() { return data.columnsOfBoth.map((column) => viewer.q[column]); }

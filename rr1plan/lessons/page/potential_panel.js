@@ -77,9 +77,7 @@ class PotentialField extends Walk {
   go(k) {
     this.at = k;
     this.tell();
-    const q = viewer.q.slice(), { columns } = viewer.panelData.cspace;
-    (this.way[k] || this.ends[0]).forEach((v, axis) => { q[columns[axis]] = v; });
-    viewer.setQ(q, "potential");
+    viewer.setQ(withColumns(viewer.q, viewer.panelData.cspace.columns, this.way[k] || this.ends[0]), "potential");
     this.space.chart.draw();
   }
 

@@ -102,16 +102,10 @@ class Search extends Walk {
     };
     for (const [name, value] of Object.entries(numbers)) part(`[data-of=${name}]`).textContent = typeof value === "number" ? rough(value) : value;
     announce(part(".said"), this.say(), this.playing && k < this.length);
-    if (this.state.focus) this.pose(this.state.focus);
+    if (this.state.focus) viewer.setQ(withColumns(viewer.q, viewer.panelData.cspace.columns, this.state.focus), "search");
     this.drawSpace();
     this.space.chart.draw();
     this.drawRace();
-  }
-
-  pose(q) {
-    const full = viewer.q.slice(), { columns } = viewer.panelData.cspace;
-    q.forEach((v, axis) => { full[columns[axis]] = v; });
-    viewer.setQ(full, "search");
   }
 
   /** A sentence about the latest step. */

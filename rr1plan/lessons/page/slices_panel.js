@@ -119,9 +119,7 @@ class SixJoints {
   q() { return data.arm.map((column) => viewer.q[column]); }
 
   pose(q) {
-    const full = viewer.q.slice();
-    data.arm.forEach((column, k) => { full[column] = q[k]; });
-    viewer.setQ(full);
+    viewer.setQ(withColumns(viewer.q, data.arm, q));
   }
 
   wire() {

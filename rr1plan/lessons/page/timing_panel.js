@@ -255,9 +255,7 @@ class Timing {
     const t = share * this.duration, slider = part(".at");
     slider.value = share;
     showValue(slider, part(".count"), `${seconds(t, this.duration).slice(0, -2)} / ${seconds(this.duration, this.duration)}`);
-    const full = viewer.q.slice(), { columns } = viewer.panelData.cspace;
-    this.motion.q(t).forEach((v, axis) => { full[columns[axis]] = v; });
-    viewer.setQ(full, "timing");
+    viewer.setQ(withColumns(viewer.q, viewer.panelData.cspace.columns, this.motion.q(t)), "timing");
     this.space.chart.draw();
     this.drawChart();
   }

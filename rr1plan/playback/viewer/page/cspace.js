@@ -215,9 +215,8 @@ class Lesson {
 
   /** The configuration of the arm with its two joints at q. */
   ownConfiguration(q) {
-    const full = viewer.kinematics.rest(), own = viewer.kinematics.arms.find((a) => a.name === data.arm);
-    q.forEach((v, axis) => { full[data.columns[axis]] = v; });
-    return full.slice(own.firstColumn, own.firstColumn + own.robot.names.length);
+    const own = viewer.kinematics.arms.find((a) => a.name === data.arm);
+    return withColumns(viewer.kinematics.rest(), data.columns, q).slice(own.firstColumn, own.firstColumn + own.robot.names.length);
   }
 
   // ---- controls ----------------------------------------------------------------------------
@@ -419,11 +418,8 @@ class Lesson {
 
   /** Moves the two joints, wrapped on periodic axes and clamped to the picture on others. */
   pose(q) {
-    const full = viewer.q.slice();
-    q.forEach((v, axis) => {
-      full[data.columns[axis]] = data.periodic[axis] ? wrapped(axis, v) : Math.min(Math.max(v, data.low[axis]), data.high[axis]);
-    });
-    viewer.setQ(full);
+    const inside = q.map((v, axis) => (data.periodic[axis] ? wrapped(axis, v) : Math.min(Math.max(v, data.low[axis]), data.high[axis])));
+    viewer.setQ(withColumns(viewer.q, data.columns, inside));
   }
 
   /** Shows the configuration; draw: also redraw the picture if nothing else does. */

@@ -185,9 +185,7 @@ class Dragging {
     const { viewer, editing, picker } = this, { kinematics } = viewer, arm = kinematics.arms[index];
     const poses = new Float64Array(16 * kinematics.links), T = new THREE.Matrix4(), [low, high] = viewer.limits[column];
     const seen = (value) => {
-      const q = viewer.q.slice();
-      q[column] = value;
-      kinematics.forward(arm, q, poses);
+      kinematics.forward(arm, withColumns(viewer.q, [column], [value]), poses);
       return picker.project(local.clone().applyMatrix4(T.fromArray(poses, 16 * frame)));
     };
     const slope = (value) => {

@@ -184,10 +184,9 @@ class Editing {
 
   /** Sets one joint, inside its limits. */
   turn(column, value) {
-    const [low, high] = this.viewer.limits[column], q = this.viewer.q.slice();
-    q[column] = Math.min(Math.max(value, low === null ? -Infinity : low), high === null ? Infinity : high);
+    const [low, high] = this.viewer.limits[column];
     this.reach = null;
-    this.setQ(q);
+    this.setQ(withColumns(this.viewer.q, [column], [Math.min(Math.max(value, low === null ? -Infinity : low), high === null ? Infinity : high)]));
   }
 
   /** Moves the joints of an arm so that its tool is at a pose, or as near as possible. */

@@ -212,9 +212,7 @@ class Viewer {
   }
 
   setJoint(column, value) {
-    const q = this.q.slice();
-    q[column] = value;
-    this.setQ(q);
+    this.setQ(withColumns(this.q, [column], [value]));
   }
 
   jointText(column, value) {

@@ -109,6 +109,13 @@ class Kinematics {
   }
 }
 
+/** A configuration with other values in some columns. */
+function withColumns(q, columns, values) {
+  const out = q.slice();
+  columns.forEach((column, k) => { out[column] = values[k]; });
+  return out;
+}
+
 /** The index of the last of some ascending times that is not after t, up to a last index; 0 before the first. */
 function indexAt(times, t, last = times.length - 1) {
   let low = 0;
