@@ -87,12 +87,11 @@ class Lesson {
   /** Samples a motion at `count` equal intervals for drawing; null: no motion. */
   takeTrack(track, count) {
     this.track = track && track.end > track.start ? track : null;
-    this.curve = [];
     const q = viewer.kinematics.rest();
-    for (let k = 0; this.track && k <= count; k++) {
-      track.at(track.start + (k / count) * (track.end - track.start), q);
-      this.curve.push([share(0, q[data.columns[0]]), share(1, q[data.columns[1]])]);
-    }
+    this.curve = (this.track ? track.instants(count) : []).map((t) => {
+      track.at(t, q);
+      return data.columns.map((column, axis) => share(axis, q[column]));
+    });
     this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
     this.fillTools();
     this.fillPhase();

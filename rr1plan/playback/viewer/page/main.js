@@ -167,10 +167,8 @@ class Viewer {
 
   build(track) {
     const { world, kinematics, document: doc } = this;
-    const samples = [kinematics.rest(), this.q];
-    const steps = this.pace.many ? 4 : 12;
-    if (track) for (let i = 0; i <= steps; i++) samples.push(track.at(track.start + (i / steps) * (track.end - track.start), kinematics.rest()));
-    else for (const { arm, q } of doc.ghosts) samples.push(kinematics.standing(arm, q));
+    const others = track ? track.instants(this.pace.many ? 4 : 12).map((t) => track.at(t, kinematics.rest())) : doc.ghosts.map(({ arm, q }) => kinematics.standing(arm, q));
+    const samples = [kinematics.rest(), this.q, ...others];
     this.extent = { ...world.extent(samples), target: doc.camera.target };
     this.drawMotion(track);
     const thin = this.thin();

@@ -140,6 +140,11 @@ class Track {
     this.end = this.breaks[this.breaks.length - 1];
   }
 
+  /** Instants at equal intervals, both ends included. */
+  instants(intervals) {
+    return Array.from({ length: intervals + 1 }, (_, i) => this.start + (i / intervals) * (this.end - this.start));
+  }
+
   piece(t) {
     return indexAt(this.breaks, t, this.pieces - 1);
   }

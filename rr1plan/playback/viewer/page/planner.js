@@ -77,8 +77,7 @@ const CLEARANCE_SAMPLES = 120; // of a motion, for its least clearance
  */
 function leastClearanceOf(row, clearance) {
   const track = new Track({ ...row, columns: row.columns.map((_, j) => j) }), least = { value: Infinity, time: track.start };
-  for (let i = 0; i <= CLEARANCE_SAMPLES; i++) {
-    const time = track.start + (i / CLEARANCE_SAMPLES) * (track.end - track.start);
+  for (const time of track.instants(CLEARANCE_SAMPLES)) {
     const value = clearance(track.at(time, new Float64Array(row.columns.length)), least.value);
     if (value < least.value) Object.assign(least, { value, time });
   }

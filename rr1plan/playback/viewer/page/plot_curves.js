@@ -177,8 +177,8 @@ class PlotSource {
 
   /** The clearances along a motion, which are still unknown (null). */
   meter(track, hasChart) {
-    const times = Float64Array.from({ length: PLANNER_SAMPLES + 1 }, (_, i) => track.start + (i / PLANNER_SAMPLES) * (track.end - track.start));
-    const rows = Array.from(times, (t) => {
+    const times = track.instants(PLANNER_SAMPLES);
+    const rows = times.map((t) => {
       const q = track.at(t, this.kinematics.rest());
       return this.planner.columns.map((column) => q[column]);
     });

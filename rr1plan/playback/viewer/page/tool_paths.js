@@ -53,11 +53,10 @@ class ToolPath {
     this.radius = radius;
     this.sides = many > MANY ? 4 : 7;
     this.pieces = Math.max(2, Math.min(most, Math.ceil(60 * (track.end - track.start))));
-    const rows = [];
     this.kinematics = kinematics;
     this.track = track;
-    this.times = Array.from({ length: this.pieces + 1 }, (_, i) => track.start + (i / this.pieces) * (track.end - track.start));
-    for (const t of this.times) rows.push(track.at(t, kinematics.rest()));
+    this.times = track.instants(this.pieces);
+    const rows = this.times.map((t) => track.at(t, kinematics.rest()));
     this.lines = toolLines(kinematics, track.columns, rows).map(({ arm, points }) => ({ arm, points, color: light(armColor(kinematics.arms.indexOf(arm))) }));
     this.group = new THREE.Group();
     this.drawn = {};
@@ -156,7 +155,7 @@ class ToolPath {
 /** The paths of the tools along another motion, as thin lines of one color. */
 function motionLines(kinematics, track, rgb) {
   const pieces = Math.max(2, Math.min(200, Math.ceil(60 * (track.end - track.start)), Math.floor(6000 / kinematics.arms.length)));
-  const rows = Array.from({ length: pieces + 1 }, (_, i) => track.at(track.start + (i / pieces) * (track.end - track.start), kinematics.rest()));
+  const rows = track.instants(pieces).map((t) => track.at(t, kinematics.rest()));
   const group = new THREE.Group(), material = new THREE.LineBasicMaterial({ color: light(rgb) });
   for (const { points } of toolLines(kinematics, track.columns, rows)) group.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), material));
   return group;
