@@ -30,7 +30,7 @@ function giveToCamera(pane, { pointerId, pointerType, clientX, clientY }) {
 
 class Dragging {
   constructor(viewer, editing) {
-    Object.assign(this, { viewer, editing, picker: editing.picker, gesture: null, hovered: null, pointer: null });
+    Object.assign(this, { viewer, editing, picker: editing.picker, gesture: null, pointer: null });
     this.handles = new Handles(viewer, editing, this);
     const { pane } = viewer.stage;
     pane.addEventListener("pointerdown", (event) => this.press(event), true);
@@ -48,7 +48,6 @@ class Dragging {
 
   load() {
     if (this.gesture) this.end();
-    this.hovered = null;
     this.handles.load();
   }
 
@@ -243,7 +242,6 @@ class Dragging {
   // ---- labels and highlights ---------------------------------------------------------------
 
   hover(thing, event = null) {
-    this.hovered = thing;
     this.viewer.stage.pane.style.cursor = thing ? (this.follows(thing) ? "grab" : "pointer") : "";
     document.body.classList.toggle("over", Boolean(thing));
     this.editing.light(thing && this.follows(thing) ? thing.element : null);

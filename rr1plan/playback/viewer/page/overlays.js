@@ -27,7 +27,6 @@ class Overlays {
     for (const name of OVERLAYS) if (offered[name]) { world.group(name); world.filled.add(name); }
     for (const name of OVERLAYS) if (world.layers[name]) world.layers[name].visible = this.viewer.isShown(name);
     this.rings = this.makeRings();
-    this.middle = null;
   }
 
   /** Updates the visible layers to the configurations of the arms. */

@@ -220,8 +220,7 @@ function targetMarks(targets, radius) {
 function axes(length, radius) {
   const group = new THREE.Group();
   [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((d, i) => {
-    const color = [0xd6336c, 0x2b8a3e, 0x1c7ed6][i];
-    const rod = new THREE.Mesh(new THREE.CylinderGeometry(0.6 * radius, 0.6 * radius, length, 12), new THREE.MeshBasicMaterial({ color }));
+    const rod = new THREE.Mesh(new THREE.CylinderGeometry(0.6 * radius, 0.6 * radius, length, 12), new THREE.MeshBasicMaterial({ color: AXES[i] }));
     rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(...d));
     rod.position.set(...d).multiplyScalar(length / 2);
     group.add(rod);
