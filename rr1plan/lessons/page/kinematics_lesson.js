@@ -39,8 +39,7 @@ class Kinematics {
     for (const name of names) {
       const row = words[name] || [];
       for (let k = 0; k < row.length; k += 3) {
-        const line = document.createElement("span"), mark = document.createElement("i");
-        mark.textContent = row[k];
+        const line = element("span"), mark = element("i", row[k]);
         mark.style.color = row[k + 1];
         line.append(mark, ` ${row[k + 2]}`);
         this.legend.append(line);
@@ -204,7 +203,7 @@ class Kinematics {
 
   /** |det J| as shades: dark where it is small. */
   paintMap(values, n, m) {
-    this.canvas = document.createElement("canvas");
+    this.canvas = element("canvas");
     Object.assign(this.canvas, { width: n, height: m });
     const pen = this.canvas.getContext("2d"), image = pen.createImageData(n, m);
     const dark = [38, 62, 112], light = [250, 232, 150];
@@ -242,7 +241,7 @@ function between([ax, ay, a], [bx, by, b]) {
 
 /** A name that always faces the reader. */
 function nameTag(text, tall) {
-  const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
+  const canvas = element("canvas"), pen = canvas.getContext("2d");
   Object.assign(canvas, { width: 96, height: 64 });
   Object.assign(pen, { font: `600 40px ${FONT}`, textAlign: "center", textBaseline: "middle", lineWidth: 8, lineJoin: "round", strokeStyle: "#fff", fillStyle: INK });
   pen.strokeText(text, 48, 34);

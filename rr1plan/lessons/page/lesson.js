@@ -50,8 +50,7 @@ class Steps {
   on(name, enter) { this.hooks[name] = enter; }
 
   corner(name) {
-    const corner = document.createElement("div");
-    corner.className = "corner";
+    const corner = element("div", undefined, "corner");
     corner.id = `lesson-${name}`;
     viewer.stage.pane.parentElement.append(corner);
     return corner;

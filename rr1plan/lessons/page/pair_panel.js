@@ -28,12 +28,12 @@ class Diagram extends Sketch {
     const { scenario } = this.lesson;
     if (!this.plot || !scenario) return;
     const { size } = this.plot, [m, n] = scenario.shape, bits = bytes(scenario.blocked), [one, two] = scenario.lengths;
-    this.area = document.createElement("canvas");
+    this.area = element("canvas");
     this.area.width = this.area.height = size;
     const pen = this.area.getContext("2d");
     pen.fillStyle = "#fff";
     pen.fillRect(0, 0, size, size);
-    const stripes = document.createElement("canvas"), gap = Math.round(7 * this.unit);
+    const stripes = element("canvas"), gap = Math.round(7 * this.unit);
     stripes.width = stripes.height = gap;
     const tile = stripes.getContext("2d");
     tile.fillStyle = "#c3cad5";
@@ -78,10 +78,8 @@ class TwoArms {
     this.places = null;
     this.time = 0;
     this.pressScenario = choices(part(".scenarios"), data.scenarios.map(({ name, title }) => [name, title]), (name) => this.setScenario(name));
-    const title = part(".slice-title"), text = document.createElement("span"), arms = document.createElement("span");
-    text.textContent = "Configuration space of";
-    arms.className = "row arms";
-    title.append(text, arms);
+    const arms = element("span", undefined, "row arms");
+    part(".slice-title").append(element("span", "Configuration space of"), arms);
     this.pressArm = choices(arms, data.arms.map(({ name }, k) => [String(k), name]), (k) => this.setArm(Number(k)));
     this.square = new Square(part(".slice canvas"), (pen, unit) => this.drawSlice(pen, unit));
     this.diagram = new Diagram(part(".diagram canvas"), this);

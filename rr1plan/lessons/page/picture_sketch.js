@@ -66,7 +66,7 @@ class Square extends Sketch {
   show(cells) {
     this.cells = cells;
     if (!this.plot || !cells) return;
-    const { size } = this.plot, area = document.createElement("canvas");
+    const { size } = this.plot, area = element("canvas");
     area.width = area.height = size;
     area.getContext("2d").putImageData(cells.paint(size, this.ratio, false, -1), 0, 0);
     this.area = area;
@@ -121,8 +121,8 @@ class Square extends Sketch {
 /** Buttons, one of which is pressed; pick(name) is called with its name. */
 function choices(box, names, pick) {
   const buttons = names.map(([name, text, title]) => {
-    const button = document.createElement("button");
-    Object.assign(button, { type: "button", className: "chip", textContent: text, title: title || "" });
+    const button = element("button", text, "chip");
+    button.title = title || "";
     button.dataset.choice = name;
     button.onclick = () => pick(name);
     return button;

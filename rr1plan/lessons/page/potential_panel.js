@@ -19,7 +19,7 @@ class PotentialField extends Walk {
     this.striped = false;
     [this.gain, this.reach] = data.usual;
     this.wire();
-    this.canvas = document.createElement("canvas");
+    this.canvas = element("canvas");
     // Cells change when an obstacle is dragged; start and goal are compared whenever the picture is drawn.
     const { repaint } = this.space;
     this.space.repaint = () => { this.stale = true; repaint.call(this.space); };
@@ -33,8 +33,7 @@ class PotentialField extends Walk {
 
   wire() {
     for (const [mode, title] of Object.entries(TITLES)) {
-      const chip = document.createElement("button");
-      Object.assign(chip, { type: "button", className: "chip", textContent: title });
+      const chip = element("button", title, "chip");
       chip.dataset.mode = mode;
       chip.onclick = () => this.show(mode, this.striped && mode === "sum");
       part(".modes").append(chip);

@@ -31,8 +31,7 @@ class Search extends Walk {
 
   wire() {
     for (const planner of this.planners) {
-      const chip = document.createElement("button"), line = document.createElement("canvas");
-      Object.assign(chip, { type: "button", className: "chip" });
+      const chip = element("button", undefined, "chip"), line = element("canvas");
       chip.dataset.planner = planner;
       Object.assign(line, { width: 68, height: 28 });
       const pen = line.getContext("2d");
@@ -315,7 +314,7 @@ function plus(pen, x, y, r) {
 
 /** A small white picture, tinted by the points' color. */
 function sprite(THREE, draw) {
-  const canvas = document.createElement("canvas");
+  const canvas = element("canvas");
   canvas.width = canvas.height = 32;
   const pen = canvas.getContext("2d");
   Object.assign(pen, { strokeStyle: "#fff", fillStyle: "#fff", lineWidth: 6 });

@@ -65,7 +65,7 @@ class SixJoints {
 
   fillSliders() {
     this.sliders = data.all.joints.map(({ name, straight }, k) => {
-      const row = document.createElement("div"), label = document.createElement("label"), slider = document.createElement("input"), out = document.createElement("output");
+      const row = element("div"), label = element("label"), slider = element("input"), out = element("output");
       const low = data.all.low[k], high = data.all.high[k];
       Object.assign(slider, { type: "range", min: low, max: high, step: stepOf(low, high, straight), id: `slices-${k}` });
       label.htmlFor = slider.id;
@@ -178,7 +178,7 @@ class SixJoints {
     bits.forEach((cell) => { seen |= cell; });
     const patterns = patternsOf(data.layers), rows = data.layers.map(({ name, color }, k) => ({ name, color, k })).filter(({ k }) => (seen >>> k) & 1);
     part(".legend").replaceChildren(...rows.map(({ name, color, k }) => {
-      const item = document.createElement("span"), swatch = document.createElement("i");
+      const item = element("span"), swatch = element("i");
       swatch.style.background = patterned(color, patterns[k]);
       item.append(swatch, name);
       return item;

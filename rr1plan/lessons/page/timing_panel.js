@@ -164,7 +164,7 @@ class Timing {
   }
 
   makeKnob({ name, text, low, high, step, log, say }) {
-    const label = document.createElement("label"), slider = document.createElement("input"), out = document.createElement("output");
+    const label = element("label"), slider = element("input"), out = element("output");
     const value = log ? Math.log10(this.values[name]) : this.values[name];
     Object.assign(slider, { type: "range", min: low, max: high, step: step || (high - low) / 200 });
     slider.value = value;

@@ -7,7 +7,7 @@ class ReachMap {
   constructor() {
     const { THREE } = viewer;
     this.space = viewer.panelData.cspace;
-    this.canvas = document.createElement("canvas");
+    this.canvas = element("canvas");
     this.canvas.width = this.canvas.height = SIDE;
     this.texture = new THREE.CanvasTexture(this.canvas);
     this.texture.encoding = THREE.sRGBEncoding;

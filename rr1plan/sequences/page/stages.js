@@ -5,12 +5,9 @@ const list = root.querySelector("ol"), { track } = viewer.player;
 /** Whether the arm does not come to rest at the end of a stage. */
 const passes = (end) => end < track.end && track.columns.some((_, slot) => Math.abs(track.rate(end, slot, 1)) > STILL);
 const buttons = data.map(({ label, begin, end }) => {
-  const row = document.createElement("li"), button = document.createElement("button");
+  const row = element("li"), button = element("button");
   for (const [name, text] of [["label", label], ["passed", passes(end) ? "no stop" : ""], ["time", `${begin.toFixed(2)} s`]]) {
-    const part = document.createElement("span");
-    part.className = name;
-    part.textContent = text;
-    if (text) button.append(part);
+    if (text) button.append(element("span", text, name));
   }
   button.addEventListener("click", () => {
     if (viewer.editing.changed) viewer.editing.reset();

@@ -21,8 +21,10 @@ function icon(name) {
   return svg;
 }
 
+/** A new element with a text and a class; a button sends no form. */
 function element(tag, text, name) {
   const node = document.createElement(tag);
+  if (tag === "button") node.type = "button";
   if (text !== undefined) node.textContent = text;
   if (name) node.className = name;
   return node;
@@ -169,7 +171,6 @@ class Controls {
     const { player, conflicts } = this.viewer, span = player.end - player.start;
     const marks = conflicts.marks(span).map(({ time, subject, title }) => {
       const mark = element("button");
-      mark.type = "button";
       mark.title = title;
       mark.setAttribute("aria-label", title);
       mark.style.setProperty("--at", (time - player.start) / (span || 1));
@@ -225,7 +226,6 @@ class Controls {
     const rows = [];
     for (const violation of report.violations) {
       const button = element("button", violation.message, "violation");
-      button.type = "button";
       button.onclick = () => this.viewer.point(violation.time, violation.subject);
       rows.push(button);
     }
@@ -241,7 +241,6 @@ class Controls {
   /** The largest share of a limit that the motion uses; a click goes to its time. */
   margin(name, { value, unit, subject, time }) {
     const row = element("button", undefined, unit !== "m" && value > 1 ? "meter over" : "meter");
-    row.type = "button";
     row.title = [subject.join(" and "), time === null ? "" : `at ${seconds(time, this.viewer.duration)}`].join(" ");
     row.onclick = () => this.viewer.point(time, unit === "m" ? subject : []);
     const groove = element("i"), bar = element("b");
@@ -262,14 +261,12 @@ class Controls {
     };
     const chips = Object.entries(names).filter(([layer, label]) => label && viewer.hasLayer(layer)).map(([layer, label]) => {
       const chip = element("button", label, "chip");
-      chip.type = "button";
       chip.dataset.layer = layer;
       chip.onclick = () => viewer.setShown(layer, !viewer.isShown(layer));
       return chip;
     });
     if (viewer.sideBySide.offered) {
       const chip = element("button", "Side by side", "chip");
-      chip.type = "button";
       chip.dataset.layer = "sidebyside";
       chip.title = "Each motion in its own picture, or overlaid (V)";
       chip.onclick = () => viewer.sideBySide.toggle();
@@ -277,7 +274,6 @@ class Controls {
     }
     if (doc.arms.length > 1) {
       const chip = element("button", "Arm colors", "chip");
-      chip.type = "button";
       chip.dataset.layer = "armcolors";
       chip.onclick = () => viewer.setByArm(!viewer.byArm);
       chips.push(chip);

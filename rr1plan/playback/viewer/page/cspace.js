@@ -241,7 +241,6 @@ class Lesson {
     const patterns = patternsOf(data.layers);
     data.layers.forEach((layer, k) => {
       const chip = element("button", undefined, "chip"), dot = element("i");
-      chip.type = "button";
       chip.title = `Only the image of ${layer.name}`;
       chip.setAttribute("aria-pressed", "false");
       dot.style.background = patterned(layer.color, patterns[k]);
@@ -565,7 +564,7 @@ function makePhase() {
   plot.setAttribute("aria-label", "Phase plane: path speed over path length, below its limit curve");
   card.append(element("figcaption", "Phase plane: ṡ over s, limit curve dashed"), plot);
   card.hidden = true;
-  document.getElementById("stage").append(card);
+  find("stage").append(card);
   return card;
 }
 

@@ -146,7 +146,7 @@ class Workspace {
     const hint = element("dd", "Drag obstacles, links and the tool", "hint");
     hint.hidden = true;
     box.append(hint);
-    document.getElementById("stage").append(box);
+    find("stage").append(box);
     const head = find("headline");
     new ResizeObserver(() => find("stage").style.setProperty("--head", `${head.offsetHeight}px`)).observe(head);
     return { box, bar, values, hint };

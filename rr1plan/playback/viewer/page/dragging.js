@@ -292,7 +292,6 @@ class Handles {
 
   button(name) {
     const button = element("button", undefined, `handle ${name}`);
-    button.type = "button";
     button.dataset.mode = { tool: "move", joint: "move", move: "move", lift: "lift", turn: "turn" }[name];
     button.addEventListener("pointerdown", (event) => this.press(event, name));
     return button;

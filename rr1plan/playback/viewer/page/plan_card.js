@@ -16,7 +16,6 @@ class PlanCard {
     ];
     this.acts = Object.fromEntries(acts.map(([name, label, key, title, act]) => {
       const button = element("button", label, `act ${name}`);
-      button.type = "button";
       button.title = key ? `${title} (${key})` : title;
       if (key) {
         button.append(" ", element("kbd", key));

@@ -32,12 +32,10 @@ class Plots {
     this.chips.setAttribute("role", "group");
     this.chips.setAttribute("aria-label", "Curves");
     this.zoom = element("button", "Fit", "chip");
-    this.zoom.type = "button";
     this.zoom.setAttribute("aria-pressed", "false");
     this.zoom.title = "Scale to the curves instead of to the limits";
     this.zoom.onclick = () => { this.zoomed = !this.zoomed; this.zoom.setAttribute("aria-pressed", String(this.zoomed)); this.build(); };
     const close = element("button", "×", "round");
-    close.type = "button";
     close.setAttribute("aria-label", "Close the plots");
     close.onclick = () => this.toggle();
     head.append(this.chips, this.armMenu, this.jointMenu, this.zoom, close);
@@ -106,7 +104,6 @@ class Plots {
   build() {
     const chips = this.offered.map((key) => {
       const chip = element("button", QUANTITIES[key].label, "chip");
-      chip.type = "button";
       chip.dataset.plot = key;
       chip.setAttribute("aria-pressed", String(this.chosen.includes(key)));
       chip.onclick = () => this.switch(key);
@@ -132,7 +129,6 @@ class Plots {
   fillLegend() {
     const names = this.arm.robot.names.map((name, i) => {
       const button = element("button", undefined, "key");
-      button.type = "button";
       button.setAttribute("aria-pressed", String(this.joint === name));
       button.append(badge(String(i + 1), CURVES[i % CURVES.length]), element("span", name));
       button.onclick = () => { this.joint = this.joint === name ? null : name; this.jointMenu.value = this.joint || ""; this.build(); };
