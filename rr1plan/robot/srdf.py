@@ -55,19 +55,18 @@ class Semantics:
     is_partial: bool = False
 
 
-def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None = None) -> Semantics:
+def read_srdf(source: str | bytes | Path, tree: Tree) -> Semantics:
     """Read an SRDF.
 
     Args:
         source: A file's path, or the document itself: bytes, or text starting with "<".
         tree: The robot that it describes.
-        file: Origin of a document given as text, for messages.
 
     Raises:
         FormatError: a duplicate group or one that contains itself, a value that is not a number, a macro of xacro, or
             malformed XML.
     """
-    root = parse_document(source, "robot", file)
+    root = parse_document(source, "robot")
     refuse_xacro(root, "if you trust it, write what the command xacro makes of it to a file .srdf")
     if root.text("name") != tree.name:
         log.warning("%s is for the robot %r, the URDF's is %r", root.file or "SRDF", root.text("name"), tree.name)

@@ -175,7 +175,7 @@ def test_a_state_that_stands_in_for_home_is_left_where_links_touch_in_it() -> No
 def test_bad_input_is_a_format_error_with_its_line(chain: Tree, name: str) -> None:
     text, word = BAD[name]
     with pytest.raises(FormatError) as caught:
-        read_srdf(srdf_text("", text), chain, file="bad.srdf")
+        read_srdf(srdf_text("", text), chain)
     assert word in str(caught.value)
     assert caught.value.line == 3
 
