@@ -3,7 +3,7 @@
 A search that finds no plan is followed by a few rounds of the portfolio's methods, which need no roadmap; the effort of
 both grows in turn. Once the portfolio has a plan, it is returned if the lower bound of one more search proves it good
 enough, or if this search finds no better plan; its suboptimality is then the ratio proven by this search, which may
-exceed the requested one.
+exceed the largest one intended.
 """
 
 from __future__ import annotations
@@ -34,9 +34,8 @@ from rr1plan.retiming.path_blends import clean
 MOST_ARMS = 8
 """Largest number of arms of a group."""
 
-SUBOPTIMALITY = 1.1
-"""Largest ratio of the sum of arrivals to the minimum on the roadmaps."""
-
+# Largest ratio of the sum of arrivals to the minimum on the roadmaps, unless its proof takes too long.
+_SUBOPTIMALITY = 1.1
 # Samples of the first roadmaps, largest number of nodes of the first search on them, and rounds of the portfolio's
 # methods after it; fewer rounds hardly ever prove that there is no path.
 _SAMPLES, _NODES, _ROUNDS = 50, 500, 4
@@ -74,7 +73,6 @@ def plan_small_team(
     rng: np.random.Generator,
     watch: Stopwatch,
     no_path: Callable[[Sequence[str], str], str],
-    suboptimality: float = SUBOPTIMALITY,
 ) -> TeamPlan:
     """Plan the motions of a few arms by conflict-based search.
 
@@ -88,8 +86,6 @@ def plan_small_team(
         watch: Deadline.
         no_path: Function that returns why some arms have no path to any of their goals, given a proof that they have
             none to those of their agents; empty if that is not proven.
-        suboptimality: Requested ratio of the sum of arrivals to the minimum on the roadmaps, at least 1; the plan may
-            exceed it if a proof takes too long.
 
     Raises:
         InputError: too many arms.
@@ -119,7 +115,7 @@ def plan_small_team(
         roadmaps = _roadmaps(first, goals, margins, samples, watch)
         if roadmaps is None:
             break
-        found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(effort * _NODES, cost)
+        found = ConflictBasedSearch(roadmaps, near, conflicts, watch, _SUBOPTIMALITY).run(effort * _NODES, cost)
         if found.moves is not None and found.cost <= cost:
             plan = AgentSchedules(agents, margins, near, DiagramCache(margin, watch), watch)
             plan.schedules = {
