@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.reach_broad_phase import near_balls, reach_balls
 from rr1plan.scene import Scene
+from rr1plan.scene.scene_content import largest_padding
 
 
 def arms_in_reach(scene: Scene, arms: Iterable[str], margin: float) -> dict[str, frozenset[str]]:
@@ -18,7 +19,7 @@ def arms_in_reach(scene: Scene, arms: Iterable[str], margin: float) -> dict[str,
         margin: Distance to keep beyond the padding [m].
     """
     names = tuple(arms)
-    padding = max((scene.padding, *scene.pair_padding.values())) + margin
+    padding = largest_padding(scene) + margin
     balls = reach_balls(scene, geometries_of(scene), names)
     near: dict[str, set[str]] = {name: set() for name in names}
     for i, j in near_balls(balls, padding).tolist():

@@ -34,6 +34,7 @@ from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.scene.scene_content import largest_padding
 from rr1plan.thread_locks import ExclusiveCache, exclusive, per_process
 
 
@@ -369,7 +370,7 @@ class CoalChecker:
     @ExclusiveCache
     def omitted_clearance(self) -> float:
         """Lower bound of the distances of omitted pairs beyond their padding and the margin [m]."""
-        return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
+        return self.geometry.least_gap - largest_padding(self.scene) - self.margin
 
     @ExclusiveCache
     def _whole(self) -> CoalChecker:

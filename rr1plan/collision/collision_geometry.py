@@ -29,6 +29,7 @@ from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
+from rr1plan.scene.scene_content import largest_padding
 
 _INTS = NDArray[np.int64]
 
@@ -256,7 +257,7 @@ _STEP = 0.1
 
 def geometry_distance(scene: Scene, margin: float) -> float:
     """Distance within which elements belong to a geometry for a scene with a margin beyond its padding [m]."""
-    greatest = max((scene.padding, *scene.pair_padding.values())) + margin
+    greatest = largest_padding(scene) + margin
     return _STEP * math.ceil((greatest + _NEAR) / _STEP) if greatest < FARTHEST else math.inf
 
 

@@ -32,6 +32,7 @@ from rr1plan.collision.tables.exact_tables import build_fixed_tables
 from rr1plan.collision.tables.obstacle_tables import balls_of
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Arm, Scene
+from rr1plan.scene.scene_content import largest_padding
 from rr1plan.transforms import identity
 
 
@@ -58,7 +59,7 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
     names, obstacles = list(scene.arms), list(scene.obstacles)
     for name in names:
         yield from _own_contacts(scene, name, geometries[name])
-    padding = max((scene.padding, *scene.pair_padding.values()))
+    padding = largest_padding(scene)
     balls = stationary_balls(scene, geometries, names)
     boxes = obstacle_boxes(obstacle_geometry(scene.obstacles))
     near = near_balls(balls, padding)
@@ -161,7 +162,7 @@ def _contacts_between(
     standing = [stationary_arm_geometry(n, geometries[n], arm.base, arm.q) for n, arm in arms.items()]
     objects = ObstacleGeometry.joined([*standing, obstacle_geometry(obstacles)])
     elements = objects.elements
-    near = _near_solids(objects, max((scene.padding, *scene.pair_padding.values())))
+    near = _near_solids(objects, largest_padding(scene))
     named = [(elements[i], elements[j]) for i, j in near]
     checked = {(a, b): scene.padding_of(a, b) for a, b in dict.fromkeys(named) if a != b and not scene.may_touch(a, b)}
     chosen = [k for k, both in enumerate(named) if both in checked]

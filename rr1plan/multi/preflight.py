@@ -24,6 +24,7 @@ from rr1plan.planners.goal_configurations import GoalSearch, GoalSet, check_star
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
+from rr1plan.scene.scene_content import largest_padding
 from rr1plan.scene.subscene import subscene
 
 MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4, 1e-5)
@@ -414,8 +415,7 @@ def _first_contact(
     first, second = boxes[rows[:, 0]], boxes[rows[:, 1]]
     gaps = np.maximum(first[:, 0] - second[:, 1], second[:, 0] - first[:, 1]).max(axis=1)
     whole = agents[names[0]].problem.scene
-    distance = max(whole.padding, *whole.pair_padding.values(), 0.0)
-    for i, j in rows[gaps <= distance].tolist():
+    for i, j in rows[gaps <= largest_padding(whole)].tolist():
         one, two = names[i], names[j]
         if are_apart(agents[one], placed[i], agents[two], placed[j]):
             continue

@@ -319,6 +319,11 @@ class SceneContent(Value, NotebookView):
         return digest.hexdigest()
 
 
+def largest_padding(scene: SceneContent) -> float:
+    """The largest distance to keep between two elements of a scene [m]."""
+    return max((scene.padding, *scene.pair_padding.values()))
+
+
 def _checked_pair(rules: str, both: Any) -> Pair:
     """A pair of names, from a set, a list or a tuple of them; one name for a pair of elements of one arm.
 

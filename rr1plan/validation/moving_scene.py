@@ -12,6 +12,7 @@ import numpy as np
 from rr1plan.errors import InputError
 from rr1plan.path import arms_of
 from rr1plan.scene import Scene
+from rr1plan.scene.scene_content import largest_padding
 from rr1plan.validation.limit_checks import columns_of
 from rr1plan.validation.referee_scene import RefereeScene, referee_scene
 
@@ -79,7 +80,7 @@ class MovingScene:
             "moving_count": self.moving,
             "stationary_count": len(still),
             "padding": tables.scene.padding,
-            "most_padding": self.most_padding,
+            "most_padding": largest_padding(self.tables.scene),
             "sweep_stride": 1 + max(model.depth for model in tables.models),
         }
 
@@ -120,11 +121,6 @@ class MovingScene:
         }
 
     # ---- elements -----------------------------------------------------------------------------
-
-    @property
-    def most_padding(self) -> float:
-        """The largest distance to keep between two elements [m]."""
-        return max((self.tables.scene.padding, *self.tables.scene.pair_padding.values()))
 
     @cached_property
     def first_element(self) -> list[int]:
