@@ -8,13 +8,10 @@ import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console
 from rr1plan.cli.exit_codes import INVALID_PLAN, OK
-from rr1plan.errors import InputError
 
 
 def experiment(options: Namespace, console: Console) -> int:
     """Measure, and write tables, figures and a report."""
-    if options.arms is not None and not {"multi", "all"} & set(options.experiment):
-        raise InputError("--arms has no effect without the experiment multi")
     with console.progress("experiments") as advance:
         report = rp.run_experiments(
             options.experiment,

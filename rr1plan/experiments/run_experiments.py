@@ -73,11 +73,14 @@ def run_experiments(
         The results. A measurement that fails does not stop the others; see `failures`.
 
     Raises:
-        InputError: no such experiment, an invalid seed or number of arms, or a folder that cannot be written.
+        InputError: no such experiment, an invalid seed or number of arms, arms without "multi", or a folder that cannot
+            be written.
         CancelledError: `progress` returned False; files in the folder are unchanged.
     """
     names = _checked_names(experiments)
     whole_number("seed", seed, 0, 2**63 - 1)
+    if arms is not None and "multi" not in names:
+        raise InputError("option arms has no effect without the experiment multi")
     counts = _checked_counts(arms, true_or_false("quick", quick))
     check_callback("progress", progress)
     target = make_folder(folder, "experiments.md")

@@ -183,6 +183,8 @@ def test_what_makes_no_sense_is_refused_before_anything_is_measured(tmp_path: Pa
             rp.run_experiments("multi", tmp_path, **options)
     with pytest.raises(rp.InputError, match="experiments"):
         rp.run_experiments([], tmp_path)
+    with pytest.raises(rp.InputError, match="option arms has no effect without the experiment multi"):
+        rp.run_experiments(["static", "latency"], tmp_path, arms=[3])
     (tmp_path / "file").touch()
     with pytest.raises(rp.InputError, match="folder"):
         rp.run_experiments("multi", tmp_path / "file")
