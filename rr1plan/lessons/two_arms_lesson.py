@@ -328,7 +328,7 @@ def _together(scene: Scene, pair: PathPair) -> _Schedule | None:
 
 def _path_alone(problem: Problem, name: str) -> Array:
     """Waypoints of an arm's path among the obstacles, without the other arm."""
-    alone = subscene(problem.scene, {name: problem.scene.split(problem.start, problem.arms)[name]})
+    alone = subscene(problem.scene, {name: problem.start[problem.columns[name]]})
     start = alone.arms[name].q
     result = RrtConnect().plan(
         Problem(alone, start, {name: problem.goal[name]}), budget=Budget(iterations=200_000), rng=_SEED

@@ -66,7 +66,7 @@ def check_start(problem: Problem, motion: CollisionChecker) -> str:
         problem: The problem.
         motion: Collision checker of the problem's scene and moving arms.
     """
-    excess = _composite_excess(problem, problem.start)
+    excess = _start_excess(problem)
     if excess:
         return f"the start is out of limits: {excess}"
     if motion.is_free_ignoring(problem.start, frozenset()):
@@ -181,10 +181,10 @@ def joint_goals(problem: Problem) -> Array | None:
     return np.array(found) if len(problem.arms) == 1 else np.concatenate(found)[None]
 
 
-def _composite_excess(problem: Problem, q: Array) -> str:
-    """Message about the joints of a composite configuration that are out of limits; empty if none is."""
-    configurations = problem.scene.split(q, problem.arms)
-    found = ((arm, describe_excess(problem.scene.arms[arm].robot, configurations[arm])) for arm in problem.arms)
+def _start_excess(problem: Problem) -> str:
+    """Message about the joints of the start that are out of limits; empty if none is."""
+    arms, start = problem.scene.arms, problem.start
+    found = ((arm, describe_excess(arms[arm].robot, start[columns])) for arm, columns in problem.columns.items())
     return "; ".join(f"{arm}: {text}" for arm, text in found if text)
 
 
@@ -194,9 +194,7 @@ class _Finder:
     def __init__(self, problem: Problem, motion: CollisionChecker, arm: str, state: RandomState) -> None:
         self.problem, self.motion, self.arm, self.state = problem, motion, arm, state
         self.robot: Robot = problem.scene.arms[arm].robot
-        before = problem.arms[: problem.arms.index(arm)]
-        self.first = sum(problem.scene.arms[name].robot.nq for name in before)
-        self.columns = slice(self.first, self.first + self.robot.nq)
+        self.columns = problem.columns[arm]
         self.start = problem.start[self.columns]
         self.others = frozenset(problem.arms) - {arm}
         self.found: list[Array] = []
@@ -211,7 +209,7 @@ class _Finder:
             self._add_configuration(goal.q)
             return
         link = f"{self.arm}/{frame_link(self.robot, goal.frame)}"
-        chain = chain_of(self.motion.model.arm_model, link, self.first)
+        chain = chain_of(self.motion.model.arm_model, link, self.columns.start)
         limits, columns, home = self.robot.limits, chain.joints[:, 1], self.start.copy()
         # Joints that do not move the frame stay where they are.
         home[columns] = self.robot.home[columns]

@@ -73,19 +73,18 @@ def _path_fault(problem: Problem, path: Path) -> str:
 
 
 def _goal_fault(problem: Problem, q: Array) -> str:
-    last = problem.scene.split(q, problem.arms)
-    for arm in problem.arms:
+    for arm, columns in problem.columns.items():
         robot, base = problem.scene.arms[arm].robot, problem.scene.arms[arm].base
-        misses = [_miss(goal, robot, base, last[arm]) for goal in problem.goal[arm]]
+        misses = [_miss(goal, robot, base, q[columns]) for goal in problem.goal[arm]]
         if misses and all(misses):
             return f"returned a path that does not end at a goal of arm {arm!r}: {misses[0]}"
     return ""
 
 
 def _limits_fault(problem: Problem, points: Array) -> str:
-    for arm in problem.arms:
-        for q in points:
-            excess = describe_excess(problem.scene.arms[arm].robot, problem.scene.split(q, problem.arms)[arm])
+    for arm, columns in problem.columns.items():
+        for q in points[:, columns]:
+            excess = describe_excess(problem.scene.arms[arm].robot, q)
             if excess:
                 return f"returned a path that leaves the limits of arm {arm!r}: {excess}"
     return ""

@@ -139,7 +139,7 @@ class _HintSearch:
             for q in line:
                 if not self._goes_on():
                     return {}
-                values = robot.joint_values(scene.split(q, self._problem.arms)[arm])
+                values = robot.joint_values(q[self._problem.columns[arm]])
                 found.update(bodies.touching(values, links))
             # A pair without contact on one of the lines does not separate.
             links = [pair for pair in links if pair in found]

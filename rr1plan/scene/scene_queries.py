@@ -50,14 +50,14 @@ def read_query(entry: Table, scene: Scene) -> Problem:
 
 def problem_entries(problem: Problem) -> dict[str, object]:
     """Entries from which `read_query` makes the same problem again."""
-    starts = problem.scene.split(problem.start, problem.arms)
+    starts = {arm: problem.start[columns].tolist() for arm, columns in problem.columns.items()}
     goals = {arm: [_goal_entry(goal) for goal in alternatives] for arm, alternatives in problem.goal.items()}
     arms = list(problem.arms)
     entries: dict[str, object] = {"arms": arms}
     if problem.margin > 0.0:
         entries["margin"] = problem.margin
     if len(arms) > 1:
-        return entries | {"starts": {arm: starts[arm].tolist() for arm in arms}, "goals": goals}
+        return entries | {"starts": starts, "goals": goals}
     only = goals[arms[0]]
     return entries | {"start": problem.start.tolist(), "goal": only[0] if len(only) == 1 else only}
 

@@ -323,5 +323,5 @@ def _placed(scene: Scene, arms: tuple[str, ...], q: Array) -> Scene:
 
 def _to_configuration(problem: Problem, q: Array) -> Problem:
     """The problem with one configuration as its goal."""
-    goals = {arm: JointGoal(own) for arm, own in problem.scene.split(q, problem.arms).items() if arm in problem.arms}
+    goals = {arm: JointGoal(q[columns]) for arm, columns in problem.columns.items()}
     return Problem(problem.scene, None, goals, arms=problem.arms)

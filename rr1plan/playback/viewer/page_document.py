@@ -353,8 +353,8 @@ def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | 
 
 def _ghosts(problem: Problem) -> list[dict[str, Any]]:
     """The start, and the goals that are configurations (a few of them), arm by arm."""
-    starts = problem.scene.split(problem.start, problem.arms)
-    ghosts: list[dict[str, Any]] = [{"kind": "start", "arm": a, "q": starts[a].tolist()} for a in problem.arms]
+    starts = {arm: problem.start[columns].tolist() for arm, columns in problem.columns.items()}
+    ghosts: list[dict[str, Any]] = [{"kind": "start", "arm": arm, "q": q} for arm, q in starts.items()]
     for arm, goals in problem.goal.items():
         joint_goals = [g for g in goals if isinstance(g, JointGoal)]
         ghosts += [{"kind": "goal", "arm": arm, "q": np.asarray(g.q).tolist()} for g in joint_goals[:_MOST_GHOSTS]]
