@@ -180,5 +180,7 @@ def test_unknown_names_get_the_near_ones():
 def test_a_joint_nobody_drives_is_refused():
     robot = odd_robot()
     loose = Robot(**{n: getattr(robot, n) for n in robot.__dataclass_fields__} | {"locked_joints": {}})
-    with pytest.raises(InputError, match=r"'grip'.*neither planned nor locked"):
-        SceneModel(Scene({"a": Arm(loose)}))
+    turning = [replace(joint, mimic=Mimic(joint.name)) if joint.name == "grip" else joint for joint in loose.joints]
+    for robot in (loose, replace(loose, joints=tuple(turning))):
+        with pytest.raises(InputError, match=r"'grip'.*neither planned nor locked"):
+            SceneModel(Scene({"a": Arm(robot)}))

@@ -12,10 +12,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Joint, Robot
 from rr1plan.robot.joint_limits import Limits
-from rr1plan.robot.robot import independent_joint
+from rr1plan.robot.robot import affine_value
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import identity
 
@@ -208,14 +207,7 @@ def joint_axis(joint: pin.JointModel) -> tuple[bool, Array]:
 
 def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[int, float, float]:
     """Affine map of a joint: (column, gain, offset). `first` is the arm's first column, None for a fixed arm."""
-    leader, gain, offset = independent_joint(robot, joint)
-    if leader.name not in robot.joint_names and leader.name not in robot.locked_joints:
-        raise InputError(
-            f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor locked, and mimics no such joint"
-        )
-    if leader.name not in robot.joint_names:
-        return -1, 0.0, gain * robot.locked_joints[leader.name] + offset
-    column = robot.joint_names.index(leader.name)
-    if first is None:
-        return -1, 0.0, gain * float(rest[column]) + offset
-    return first + column, gain, offset
+    column, gain, offset = affine_value(robot, joint)
+    if column < 0:
+        return column, gain, offset
+    return (-1, 0.0, gain * float(rest[column]) + offset) if first is None else (first + column, gain, offset)

@@ -364,13 +364,29 @@ def poses_at(robot: Robot, values: Mapping[str, float], links: Set[str] | None =
 def independent_joint(robot: Robot, joint: Joint) -> tuple[Joint, float, float]:
     """The joint that a joint follows through a chain of mimics, with factor and offset; itself if it follows none."""
     factor, offset = 1.0, 0.0
-    for _ in robot.joints:  # joints of a robot made in Python may mimic each other in a circle
-        if joint.mimic is None or joint.name in robot.joint_names or joint.name in robot.locked_joints:
-            break
+    ends = {*robot.joint_names, *robot.locked_joints}
+    while joint.mimic is not None and joint.name not in ends:
+        ends.add(joint.name)  # in a robot that was not checked joints may mimic each other in a circle
         offset += factor * joint.mimic.offset
         factor *= joint.mimic.multiplier
         joint = robot.joint(joint.mimic.joint)
     return joint, factor, offset
+
+
+def affine_value(robot: Robot, joint: Joint) -> tuple[int, float, float]:
+    """A movable joint's value as factor * q[column] + offset; column -1 means the offset alone.
+
+    Raises:
+        InputError: a joint that is neither planned, locked nor mimics one that is.
+    """
+    source, factor, offset = independent_joint(robot, joint)
+    if source.name in robot.joint_names:
+        return robot.joint_names.index(source.name), factor, offset
+    if source.name in robot.locked_joints:
+        return -1, 0.0, offset + factor * robot.locked_joints[source.name]
+    raise InputError(
+        f"joint {joint.name!r} of robot {robot.name!r} is neither planned nor locked, and mimics no such joint"
+    )
 
 
 def _is_joint_value(value: object) -> bool:

@@ -16,8 +16,8 @@ import rr1plan as rp
 from rr1plan import Panel, pack_array, save_html
 from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.html_page import growing_lengths, json_for_html, page_html
-from rr1plan.playback.viewer.page_kinematics import affine_value
 from rr1plan.report import Margin
+from rr1plan.robot.robot import affine_value
 
 NASTY = "</script><script>alert(1)</script> \" ' <!-- \u2028 & <img src=x onerror=alert(2)>"
 

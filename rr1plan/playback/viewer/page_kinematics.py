@@ -7,7 +7,7 @@ from typing import Any
 
 from rr1plan.checks import Array
 from rr1plan.robot import Joint, Robot
-from rr1plan.robot.robot import independent_joint
+from rr1plan.robot.robot import affine_value
 from rr1plan.scene import Scene
 
 Numbers = Callable[[Array], list[float]]
@@ -59,11 +59,3 @@ def _joint_row(robot: Robot, joint: Joint, index: Mapping[str, int], numbers: Nu
         "factor": factor,
         "offset": offset,
     }
-
-
-def affine_value(robot: Robot, joint: Joint) -> tuple[int, float, float]:
-    """A movable joint's value as factor * q[column] + offset; column -1 means the offset alone."""
-    joint, factor, offset = independent_joint(robot, joint)
-    if joint.name in robot.joint_names:
-        return robot.joint_names.index(joint.name), factor, offset
-    return -1, 0.0, offset + factor * robot.locked_joints[joint.name]
