@@ -45,14 +45,6 @@ class FclChecker:
         one, two = self._placed(a, T_a, b, T_b)
         return bool(fcl.collide(one, two, fcl.CollisionRequest(), fcl.CollisionResult()) > 0)
 
-    def distance(self, a: int, T_a: Array, b: int, T_b: Array) -> float:
-        """Distance of two bodies at these poses [m]; not above zero if they touch."""
-        fcl = self._fcl
-        one, two = self._placed(a, T_a, b, T_b)
-        # For one order of the arguments the distance may be too large by a quarter of a millimeter.
-        orders = ((one, two), (two, one))
-        return float(min(fcl.distance(*order, fcl.DistanceRequest(), fcl.DistanceResult()) for order in orders))
-
     def _placed(self, a: int, T_a: Array, b: int, T_b: Array) -> list[Any]:
         things = [self._objects[a], self._objects[b]]
         for thing, T in zip(things, (T_a, T_b), strict=True):
