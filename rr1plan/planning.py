@@ -30,6 +30,8 @@ from rr1plan.progress import ProgressCallback as ProgressCallback
 from rr1plan.scene.problem import Problem
 
 _MOST_ITERATIONS = 2**62  # kernels count in 64 bits
+CANCELLED = "the progress callback returned False"
+"""Why the result of a cancelled search has no path."""
 EACH_ARM_ALONE = "each arm has its own path, see `many_arms.paths`"
 """Why the result of a found plan of many arms has no path."""
 

@@ -41,11 +41,11 @@ from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlan
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.search.small_teams import plan_small_team
-from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
-from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_plan_arguments
+from rr1plan.planning import CANCELLED, Budget, PlanStatus, ProgressCallback, check_plan_arguments
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory, of_joints
 

@@ -16,13 +16,13 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.goal_conflicts import GoalChoices, GoalConflicts
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.paths.placed_path import box_around, placed_configuration
-from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart, cross_pairs
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.collision_messages import contacts_without, describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, GoalSet, check_start, joint_goals
 from rr1plan.planners.joint_barriers import find_joint_barrier
-from rr1plan.planning import Budget, PlanStatus
+from rr1plan.planning import CANCELLED, Budget, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.scene.scene_content import largest_padding
 from rr1plan.scene.subscene import subscene

@@ -14,8 +14,6 @@ from rr1plan.planning import Progress, ProgressCallback
 
 _REPORTS = 0.1  # time between two reports [s]
 _FIRST_ROUND = 2000  # iterations of a planner in the first round of a search; later rounds have twice as many each
-CANCELLED = "the progress callback returned False"
-"""Reason of results of cancelled searches."""
 
 
 class Stopwatch:

@@ -24,7 +24,7 @@ from rr1plan.model.workspace_lines import EdgeBound, Line
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.planners.planning_query import Query
-from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import CANCELLED, Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
@@ -197,7 +197,7 @@ class _LineSearch:
         """Count one step; or the reason to stop after a fraction `part` of the line."""
         if not self.query.goes_on():
             if self.query.cancelled:
-                return _Stop(PlanStatus.CANCELLED, "the progress callback returned False")
+                return _Stop(PlanStatus.CANCELLED, CANCELLED)
             return _Stop(PlanStatus.TIMEOUT, f"out of budget after {100 * part:.1f} % of the line")
         self.query.iterations += 1
         return None

@@ -16,6 +16,7 @@ from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import (
+    CANCELLED,
     Budget,
     PlanResult,
     PlanStatus,
@@ -260,7 +261,7 @@ class Query:
     def unsolved(self, found: str, tree: SearchTree | None = None) -> PlanResult:
         """The result without a path: cancelled, proven, or out of budget; `found` describes the state of the search."""
         if self.cancelled:
-            return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
+            return self.result(PlanStatus.CANCELLED, reason=CANCELLED, tree=tree)
         if self.separated:
             return self.result(PlanStatus.INFEASIBLE, reason=self.separated, tree=tree)
         used = f"{self.seconds:.3g} s and {counted(self.iterations, 'iteration')}"

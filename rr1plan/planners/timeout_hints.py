@@ -25,7 +25,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.planners.goal_configurations import GoalSearch
 from rr1plan.planners.planning_query import NO_LIMIT
 from rr1plan.planners.rrt_connect import RrtConnect
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback
+from rr1plan.planning import CANCELLED, Budget, PlanResult, PlanStatus, Progress, ProgressCallback
 from rr1plan.robot.contact_bands import ContactBand, contact_bands
 from rr1plan.robot.link_contacts import LinkBodies, Pair
 from rr1plan.scene import pair as unordered
@@ -70,7 +70,7 @@ def with_hint(problem: Problem, result: PlanResult, budget: Budget, progress: Pr
     search = _HintSearch(problem, result, budget, progress)
     hint = next(search.hints(), "")
     if search.cancelled:
-        return replace(result, status=PlanStatus.CANCELLED, reason="the progress callback returned False")
+        return replace(result, status=PlanStatus.CANCELLED, reason=CANCELLED)
     return replace(result, reason=f"{result.reason}; {hint}") if hint else result
 
 
