@@ -149,12 +149,8 @@ class _HintSearch:
     def _solves_without(self, pairs: Sequence[_LinksOfArm], shares: int) -> bool:
         """Whether a brief search finds a path when `pairs` of links are ignored."""
         allowed = {unordered(*_elements(arm, links)) for arm, links in pairs}
-        relaxed = Problem(
-            replace(self._problem.scene, allowed=self._problem.scene.allowed | allowed),
-            self._problem.start,
-            self._problem.goal,
-            arms=self._problem.arms,
-        ).with_margin(self._problem.margin)
+        scene = self._problem.scene
+        relaxed = self._problem.in_scene(replace(scene, allowed=scene.allowed | allowed))
         budget = Budget(max(1e-3, self._seconds_left / shares), max(1, self._iterations_left // shares))
         result = RrtConnect().plan(relaxed, budget=budget, rng=self._seed, progress=self._report)
         self._iterations_left -= result.iterations
