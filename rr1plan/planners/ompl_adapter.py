@@ -104,7 +104,7 @@ def _search(
     # OMPL's BIT* leaks its states when its planner data is read, so its certified edges are recorded here.
     edges: list[tuple[tuple[float, ...], ...]] | None = [] if tree and planner == "BITstar" else None
     with _seeded(seed) as seeds_used:
-        information = _information(_space(query), query, watch, edges)
+        information = _information(query, watch, edges)
         definition = _definition(information, query)
         search = getattr(og, planner)(information)
         search.setProblemDefinition(definition)
@@ -187,7 +187,7 @@ class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of 
 
 
 def _information(
-    space: ob.StateSpace, query: OmplQuery, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
+    query: OmplQuery, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None
 ) -> ob.SpaceInformation:
     n = len(query.lower)
     q = np.zeros(n)
@@ -203,7 +203,7 @@ def _information(
             edges.append((tuple(a.tolist()), tuple(b.tolist())))
         return True
 
-    information = ob.SpaceInformation(space)
+    information = ob.SpaceInformation(_space(query))
     information.setStateValidityChecker(watch.guarded(state_valid, failed=False))
     information.setMotionValidator(_EdgeValidator(information, n, watch.guarded(edge_valid, failed=False)))
     information.setup()
@@ -221,10 +221,14 @@ def _definition(information: ob.SpaceInformation, query: OmplQuery) -> ob.Proble
         goals.addState(state)
     definition.setGoal(goals)
     objective = ob.PathLengthOptimizationObjective(information)
-    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
-    objective.setCostThreshold(ob.Cost((1.0 + _OPTIMAL) * nearest))
+    objective.setCostThreshold(ob.Cost(_optimal_length(query)))
     definition.setOptimizationObjective(objective)
     return definition
+
+
+def _optimal_length(query: OmplQuery) -> float:
+    """Length of a path that counts as optimal [rad or m]."""
+    return (1.0 + _OPTIMAL) * float(np.linalg.norm(query.goals - query.start, axis=1).min())
 
 
 _SHARES = ("_bias", "_fraction")  # how OMPL's names of shares end
@@ -299,7 +303,6 @@ def _search_roadmap(
     search.expandRoadmapPtc(at_once)
     seeds_used()
     checks, result, deadline = float(_FIRST_ROADMAP), OmplResult(None), watch.deadline
-    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
     while not watch.over:
         search.growRoadmapPtc(_after(watch, int(checks)))
         search.expandRoadmapPtc(_after(watch, int(checks) // _EXPANSION))
@@ -314,7 +317,7 @@ def _search_roadmap(
             continue
         length = float(np.linalg.norm(np.diff(result.waypoints, axis=0), axis=1).sum())
         watch.note(length)
-        if not optimizing or length <= (1.0 + _OPTIMAL) * nearest:
+        if not optimizing or length <= _optimal_length(query):
             break
     return result
 
