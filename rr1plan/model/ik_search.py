@@ -58,6 +58,7 @@ class IkSearch:
         target: Target of the frame.
         accepted: Accepted solutions so far.
         rejected: Rejected solutions so far.
+        struct: The search as a struct of the kernels, for pages that search by themselves.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class IkSearch:
         idle = np.ones(robot.nq, np.bool_)
         idle[chain.joints[:, 1]] = False
         self._has_idle = bool(idle.any())
-        self._struct = CStruct(
+        self.struct = CStruct(
             "IkSearch",
             chain=chain.struct,
             target=self.target.struct,
@@ -104,18 +105,13 @@ class IkSearch:
             nearest_squared=np.inf,
             memory=np.empty(robot.nq + load_library().rr1_descent_memory(robot.nq)),
         )
-        self._last = self._tried_before = 0
+        self._tried_before = 0
         self._is_widened = False
-
-    @property
-    def struct(self) -> CStruct:
-        """The search as a struct of the kernels, for pages that search by themselves."""
-        return self._struct
 
     @property
     def tried(self) -> int:
         """Starts so far."""
-        starts: int = self._struct.value.starts
+        starts: int = self.struct.value.starts
         return self._tried_before + starts
 
     def nearest(self) -> Array:
@@ -169,7 +165,7 @@ class IkSearch:
                 found = self._collect(attempts, accept, most, patience)
         if self._has_idle and self.rejected and not self.accepted:
             self._has_idle = False
-            self._struct.set(extent=self._extent)
+            self.struct.set(extent=self._extent)
             found = self._collect(attempts, accept, most, patience)
         return found
 
@@ -179,7 +175,7 @@ class IkSearch:
         if isinstance(self._goal, RegionGoal):
             position += _REGION_MARGIN
         weight = self.target.struct.value.weight
-        near: bool = self._struct.value.nearest_squared <= NEAR**2 * (position**2 + (weight * orientation) ** 2)
+        near: bool = self.struct.value.nearest_squared <= NEAR**2 * (position**2 + (weight * orientation) ** 2)
         return near
 
     def _widen(self, beyond: Array) -> None:
@@ -189,7 +185,7 @@ class IkSearch:
         clipped = np.clip(beyond, self.robot.limits.lower, self.robot.limits.upper)
         seeds = np.vstack([self.nearest(), self._seeds, clipped])
         self.target = _target_of(self._goal, 0.0)
-        self._struct.set(
+        self.struct.set(
             target=self.target.struct,
             nearest_squared=np.inf,
             seeds=seeds,
@@ -202,10 +198,10 @@ class IkSearch:
     def _collect(
         self, attempts: int, accept: Callable[[Array], bool] | None, most: int | None, patience: int | None
     ) -> list[Array]:
-        begin, self._last = len(self.accepted), self.tried
-        end = self.tried + attempts
+        begin, last = len(self.accepted), self.tried
+        end = last + attempts
         while len(self.accepted) - begin < (most or np.inf):
-            stop = min(end, self._last + patience) if patience and self.accepted else end
+            stop = min(end, last + patience) if patience and self.accepted else end
             if self.tried >= stop:
                 break
             q = self._advance(min(stop, self.tried + _CHUNK))
@@ -213,18 +209,18 @@ class IkSearch:
                 continue
             if accept is None or accept(q.copy()):
                 self.accepted.append(q)
-                self._last = self.tried
+                last = self.tried
             else:
                 self.rejected.append(q)
         return self.accepted[begin:]
 
     def _advance(self, starts: int) -> Array | None:
         """The next solution, or None after `starts` starts in all."""
-        count = self._struct.value.solution_count
+        count = self.struct.value.solution_count
         if count == len(self._solutions):
             self._solutions = np.concatenate([self._solutions, np.empty_like(self._solutions)])
-            self._struct.set(solutions=self._solutions)
-        found = load_library().rr1_search_ik(self._struct, self._state, starts - self._tried_before)
+            self.struct.set(solutions=self._solutions)
+        found = load_library().rr1_search_ik(self.struct, self._state, starts - self._tried_before)
         return self._solutions[count].copy() if found else None
 
 
