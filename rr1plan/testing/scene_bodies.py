@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
-from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.checks import Array, known_name
+from rr1plan.errors import InputError
+from rr1plan.path import arms_of
 from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
@@ -296,10 +297,9 @@ def _columns_of_arms(scene: Scene, joint_names: Sequence[str]) -> dict[str, list
     """Columns of the planning joints of each arm that moves."""
     known = scene.joint_names() if scene.arms else ()
     for name in joint_names:
-        if name not in known:
-            raise UnknownNameError("joint", name, known)
+        known_name("joint", name, known)
     columns = {}
-    for arm in dict.fromkeys(name.split("/", 1)[0] for name in joint_names):
+    for arm in arms_of(joint_names):
         wanted = scene.joint_names([arm])
         missing = [name for name in wanted if name not in joint_names]
         if missing:

@@ -16,7 +16,7 @@ from rr1plan.checks import Array, Value, finite_array, read_only
 from rr1plan.errors import InputError
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.schedule import Leg, Schedule, gridpoints_of, segments_of
-from rr1plan.path import check_joint_names
+from rr1plan.path import arms_of, check_joint_names
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import NO_INTERVALS, Grid, joined
 
@@ -133,7 +133,7 @@ class Route(Value):
     @property
     def arms(self) -> tuple[str, ...]:
         """The arms that move along the route."""
-        return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
+        return arms_of(self.joint_names)
 
     @property
     def segments(self) -> int:
