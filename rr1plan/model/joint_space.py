@@ -87,11 +87,7 @@ class Space:
         start, wraps = problem.start, self.wraps & ~unrolled
         lower = np.where(unrolled, start - _WINDOW, self.lower)
         upper = np.where(unrolled, start + _WINDOW, self.upper)
-        endless = ~np.isfinite(upper - lower) & ~wraps
-        if endless.any():
-            j = int(np.argmax(endless))
-            limits = f"{lower[j]:g} to {upper[j]:g}"
-            raise InputError(f"joint {problem.joint_names[j]!r} has the limits {limits}, expected finite ones")
+        Space(lower, upper, wraps, self.continuous, self.rotary).check_bounded(problem.joint_names)
         # The start and goals satisfy the limits up to rounding; a planner requires them exactly.
         lower = np.minimum(lower, np.minimum(start, goals.min(axis=0)))
         upper = np.maximum(upper, np.maximum(start, goals.max(axis=0)))
@@ -121,6 +117,17 @@ class Space:
     def is_shared(self) -> bool:
         """Whether all columns have limits or wrap, so that the bounds do not depend on the start."""
         return bool((np.isfinite(self.extent) | self.wraps).all())
+
+    def check_bounded(self, joint_names: Sequence[str]) -> None:
+        """Raise if a column neither has limits nor wraps.
+
+        Raises:
+            InputError: such a column, by its name.
+        """
+        if not self.is_shared:
+            j = int(np.argmin(np.isfinite(self.extent) | self.wraps))
+            limits = f"{self.lower[j]:g} to {self.upper[j]:g}"
+            raise InputError(f"joint {joint_names[j]!r} has the limits {limits}, expected finite ones")
 
     @cached_property
     def diagonal(self) -> float:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.model.joint_space import joint_space
@@ -44,14 +43,10 @@ class Graph:
     def __init__(self, scene: Scene, arms: Sequence[str]) -> None:
         home = np.concatenate([scene.arm(name).robot.home for name in arms])
         space = joint_space(scene, arms).bounded_near(home[None])
+        space.check_bounded(scene.joint_names(arms))
         self._wraps = space.wraps
         self._lower = np.where(self._wraps, -np.pi, space.lower)
         self._extent = np.where(self._wraps, TURN, space.extent)
-        unbounded = np.flatnonzero(~np.isfinite(self._lower) | ~np.isfinite(self._extent))
-        if len(unbounded):
-            j = unbounded[0]
-            limits = f"{space.lower[j]:g} to {space.upper[j]:g}"
-            raise InputError(f"joint {scene.joint_names(arms)[j]!r} has the limits {limits}, expected finite ones")
         self._state = random_state(0)
         self._struct = CStruct("RoadmapGraph", column_count=len(self._lower), wraps=self._wraps.view(np.uint8))
         self._library = load_library()
