@@ -167,8 +167,7 @@ class Kinematics:
             UnknownNameError: no such frame.
             InputError: wrong shape or not finite.
         """
-        index = self._index(frame)
-        return self.pose_and_jacobian(q, index)[2]
+        return self.pose_and_jacobian(q, self._index(frame))[2]
 
     @exclusive
     def pose_and_jacobian(self, q: ArrayLike, index: int) -> tuple[Array, Array, Array]:
@@ -181,11 +180,11 @@ class Kinematics:
         Raises:
             InputError: wrong shape or not finite, or no frame of that index.
         """
-        q = finite_array("q", q, (self.nq,))
+        full = self._full(q)
         whole_number("index", index, 1, self.scene_model.model.nframes - 1)
         branch = self._branches.of_frame(index)
         model, data, own = branch.model, branch.data, branch.own_frame(index)
-        pin.computeJointJacobians(model, data, self.scene_model.full(q)[branch.rows])
+        pin.computeJointJacobians(model, data, full[branch.rows])
         T = pin.updateFramePlacement(model, data, own)
         # Pinocchio returns a vector for a model with one joint.
         J = pin.getFrameJacobian(model, data, own, _WORLD_AXES).reshape(6, -1)
