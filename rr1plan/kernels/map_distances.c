@@ -7,7 +7,6 @@
 
 // Added to the travel for rounding errors [m].
 #define MAP_TRAVEL_ROUNDING 1e-9
-#define MAP_RELATIVE_ROUNDING (1.0 + 1e-9)
 // Cells are stored in single precision [m].
 #define MAP_CELL_ROUNDING 1e-7
 // Parts of a cell along each side, a power of two.
@@ -36,7 +35,7 @@ static MapBounds bound_distance(const double q[2], const double reach[2], double
         bound_travel(bodies[k], reach, exact, scratch);
         moved += scratch->travel[bodies[k] * scratch->travel_stride + pair->shared];
     }
-    moved = moved * MAP_RELATIVE_ROUNDING + MAP_TRAVEL_ROUNDING;
+    moved = moved * SLACK + MAP_TRAVEL_ROUNDING;
     double enough = most + moved;
     GapBounds gap = fine_gap(bodies[0], bodies[1], enough, enough, &scratch->directions[0], exact, scratch);
     return (MapBounds){gap.lower - moved, gap.lower};
@@ -77,10 +76,10 @@ EXPORT void rr1_map_distances(const double *ranges, double most, int64_t rows, i
         }
         if (width > 1) {
             q[1] = ranges[2] + ((double)y + 0.5 * (double)size) * part2;
-            reach[1] = 0.5 * (double)size * part2 * MAP_RELATIVE_ROUNDING + 1e-12;
+            reach[1] = 0.5 * (double)size * part2 * SLACK + 1e-12;
         }
         q[0] = ranges[0] + ((double)x + 0.5 * (double)size) * part;
-        reach[0] = 0.5 * (double)size * part * MAP_RELATIVE_ROUNDING + 1e-12;
+        reach[0] = 0.5 * (double)size * part * SLACK + 1e-12;
         MapBounds bounds = bound_distance(q, reach, most, exact, scratch);
         // A bound of a square holds for its parts.
         double bound = max_number(square.bound, bounds.around);
