@@ -101,7 +101,7 @@ static void unroll_path(const RoadmapGraph *graph, const int64_t *steps, int64_t
         path[j] = begin[j];
         for (int64_t k = 0; k < rows; k++) {
             double value = graph->vertices[j * graph->capacity + graph->ends[steps[k]]];
-            if (graph->wraps[j]) value += WHOLE_TURN * __builtin_rint((path[k * nq + j] - value) / WHOLE_TURN);
+            if (graph->wraps[j]) value += nearest_turns(path[k * nq + j] - value, WHOLE_TURN);
             path[(k + 1) * nq + j] = value;
         }
     }

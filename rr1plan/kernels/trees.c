@@ -29,7 +29,7 @@ static int64_t nearest_vertex(const Tree *tree, int64_t count, const double *q, 
             if (turn > 0.0) {
                 for (int64_t i = 0; i < size; i++) {
                     double difference = row[i] - value;
-                    difference -= turn * __builtin_rint(difference / turn);
+                    difference -= nearest_turns(difference, turn);
                     squares[i] += difference * difference;
                 }
             } else {
