@@ -40,12 +40,6 @@ typedef struct {
     int64_t last_link;
 } Group;
 
-// The box around a whole group in the axes of its joint, relative to the center of its ball [m].
-typedef struct {
-    double low[3];
-    double high[3];
-} GroupBox;
-
 // LANES consecutive groups. The joints that carry any of them lie in a range.
 typedef struct {
     int64_t first_joint;
@@ -79,12 +73,6 @@ typedef struct {
     double axes[9];    // rotation from the axes of `lowest`, row by row
 } CoreShape;
 
-// A ball around `BLOCK_POINTS` consecutive points of a core.
-typedef struct {
-    double center[3];
-    double radius;
-} PointBlock;
-
 typedef struct {
     int64_t joint_count;
     int64_t body_count;
@@ -93,7 +81,7 @@ typedef struct {
     const JointPlacement *placements;
     const Body *bodies;
     const Group *groups;
-    const GroupBox *group_boxes;
+    const Box *group_boxes;  // around whole groups, in the axes of their joints, relative to the centers of their balls
     const LinkSphere *spheres;
     const int64_t *chain;  // joints above each group, root first
     const int64_t *depths;  // of each joint: number of driven joints above it
@@ -106,7 +94,7 @@ typedef struct {
     const CoreRange *cores;
     const CoreShape *core_shapes;
     const Vec3 *points;
-    const PointBlock *blocks;
+    const Ball *blocks;  // around `BLOCK_POINTS` consecutive points of a core
     // Points that can be the lowest along the directions of a cell: see support_table.h.
     const uint64_t *lowest;
 } ArmGeometry;

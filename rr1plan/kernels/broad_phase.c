@@ -25,11 +25,6 @@ INLINE void place_box(int64_t group, double h, const SceneTables *scene, Scratch
 }
 
 // The box around a group on the whole edge.
-typedef struct {
-    double low[3];
-    double high[3];
-} Box;
-
 INLINE Box box_of(int64_t group, const SceneTables *scene, const Scratch *scratch) {
     const double *ends = scratch->group_boxes + group;
     int64_t n = scene->arm->group_stride;

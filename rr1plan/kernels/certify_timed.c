@@ -102,16 +102,16 @@ INLINE double timed_travel(int64_t body, int64_t seen, const TimedScene *scene, 
 }
 
 // The box around a whole arm on an interval of time, from the slices of its motion.
-static SliceBox box_on(const TimedArm *arm, double middle, double half, const TimedScene *scene) {
+static Box box_on(const TimedArm *arm, double middle, double half, const TimedScene *scene) {
     const double *breaks = scene->breaks + arm->first_break;
     double start = breaks[0], end = breaks[arm->piece_count], last = (double)(arm->slice_count - 1);
     double per_second = end > start ? (double)arm->slice_count / (end - start) : 0.0;
     // Slices overlap by a millionth, so that times on a border may be rounded to either side.
     int64_t first = (int64_t)clamp_number((middle - half - start) * per_second - 1e-6, 0.0, last);
     int64_t final = (int64_t)clamp_number((middle + half - start) * per_second + 1e-6, 0.0, last);
-    SliceBox box = scene->slices[arm->first_slice + first];
+    Box box = scene->slices[arm->first_slice + first];
     for (int64_t i = first + 1; i <= final; i++) {
-        const SliceBox *next = &scene->slices[arm->first_slice + i];
+        const Box *next = &scene->slices[arm->first_slice + i];
         for (int k = 0; k < 3; k++) {
             box.low[k] = min_number(box.low[k], next->low[k]);
             box.high[k] = max_number(box.high[k], next->high[k]);
@@ -121,7 +121,7 @@ static SliceBox box_on(const TimedArm *arm, double middle, double half, const Ti
 }
 
 // Distance of a point to a box [m].
-INLINE double slice_distance(const Vec3 *point, const SliceBox *box) {
+INLINE double slice_distance(const Vec3 *point, const Box *box) {
     const double at[3] = {point->x, point->y, point->z};
     double square = 0.0;
     for (int k = 0; k < 3; k++) {
@@ -164,7 +164,7 @@ static int test_bodies(int64_t p, TimedInterval *at, const TimedScene *scene, Ti
 // Test the boxes around two groups of bodies on an interval, and the bodies if these move little. 0 if rejected.
 //
 // slice: box of the other arm on the interval.
-static int test_groups(int64_t p, const SliceBox *slice, TimedInterval *at, const TimedScene *scene,
+static int test_groups(int64_t p, const Box *slice, TimedInterval *at, const TimedScene *scene,
                        TimedScratch *scratch) {
     const ExactTables *exact = scene->exact;
     ExactScratch *fine = scratch->exact;
@@ -195,7 +195,7 @@ static int prove_apart(double middle, double half, int64_t first, int64_t last, 
     TimedInterval at = {middle, half, ++scratch->seen, last, -1, find_first};
     if (++scratch->nodes > MOST_CONFIGURATIONS) return refuse(EDGE_GRAZING, scratch->open[first], &at, scratch);
     int64_t boxed = -1;
-    SliceBox slice = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    Box slice = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     for (int64_t i = first; i < last; i++) {
         int64_t p = scratch->open[i];
         const TimedPair *pair = &scene->pairs[p];
@@ -245,8 +245,8 @@ EXPORT void rr1_sweep_timed_arms(const TimedScene *scene, TimedScratch *scratch)
         double width = (breaks[arm->piece_count] - breaks[0]) / (double)arm->slice_count;
         for (int64_t i = 0; i < arm->slice_count; i++) {
             int64_t seen = ++scratch->seen;
-            SliceBox *box = &scene->slices[arm->first_slice + i];
-            *box = (SliceBox){{__builtin_inf(), __builtin_inf(), __builtin_inf()},
+            Box *box = &scene->slices[arm->first_slice + i];
+            *box = (Box){{__builtin_inf(), __builtin_inf(), __builtin_inf()},
                               {-__builtin_inf(), -__builtin_inf(), -__builtin_inf()}};
             place_arm(a, breaks[0] + ((double)i + 0.5) * width, (0.5 + 1e-6) * width, seen, scene, scratch);
             for (int64_t b = scene->first_box; b < exact->body_count; b++) {

@@ -12,18 +12,12 @@ typedef struct {
     int64_t last_body;
 } BodyGroup;
 
-// A ball around the bodies of a group, in the frame of its joint [m].
-typedef struct {
-    double center[3];
-    double radius;
-} GroupBall;
-
 // Node 1 is the whole path, nodes 2 i and 2 i + 1 are the halves of node i. Leaves begin at `leaf_count`; the last
 // leaves may be empty. The two nodes after them are the ends of the path, of zero length.
 typedef struct {
     const ExactTables *exact;
     const BodyGroup *groups;
-    const GroupBall *group_balls;
+    const Ball *group_balls;  // around the bodies of each group, in the frame of its joint
     int64_t group_count;
     int64_t leaf_count;        // a power of two
     const int64_t *is_empty;   // shape (2 leaf_count + 2,)

@@ -48,7 +48,7 @@ typedef struct {
     const Transform *frames;  // of solids in the frames of their objects
     Transform *objects;       // in the world
     const Vec3 *points;      // of cores, in the frames of their solids
-    const PointBlock *blocks;
+    const Ball *blocks;
 } FixedSolids;
 
 #endif

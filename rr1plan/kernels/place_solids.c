@@ -162,7 +162,7 @@ static void set_shape(
 
 static void set_core(
     const FixedSolids *fixed, int64_t i, const Pose *at, const CoreRange *core, CoreShape *shape, Vec3 *points,
-    PointBlock *blocks
+    Ball *blocks
 ) {
     const FixedSolid *solid = &fixed->solids[i];
     placed_point(at, fixed->shapes[i].middle, shape->middle);
@@ -175,7 +175,7 @@ static void set_core(
     }
     double largest = max_number(max_number(abs_number(at->origin[0]), abs_number(at->origin[1])), abs_number(at->origin[2]));
     for (int64_t k = 0; k < (count + BLOCK_POINTS - 1) / BLOCK_POINTS; k++) {
-        const PointBlock *block = &fixed->blocks[solid->first_block + k];
+        const Ball *block = &fixed->blocks[solid->first_block + k];
         placed_point(at, block->center, blocks[core->first_block + k].center);
         // Rounding error of a product with a rotation and a sum.
         blocks[core->first_block + k].radius = block->radius + 1e-14 * (1.0 + largest);
@@ -193,7 +193,7 @@ EXPORT void rr1_place_bodies(const FixedSolids *fixed, ExactShape *shapes, Pose 
 
 // The cores of all solids that have one.
 EXPORT void rr1_place_cores(
-    const FixedSolids *fixed, const CoreRange *cores, CoreShape *shapes, Vec3 *points, PointBlock *blocks
+    const FixedSolids *fixed, const CoreRange *cores, CoreShape *shapes, Vec3 *points, Ball *blocks
 ) {
     for (int64_t i = 0; i < fixed->count; i++) {
         int64_t core = fixed->solids[i].core;
@@ -270,7 +270,7 @@ EXPORT void rr1_move_objects(SceneTables *scene, Scratch *scratch, int64_t first
         if (solid->core >= 0) {
             CoreShape *shape = (CoreShape *)&arm->core_shapes[solid->core];
             set_core(
-                fixed, i, &at, &arm->cores[solid->core], shape, (Vec3 *)arm->points, (PointBlock *)arm->blocks
+                fixed, i, &at, &arm->cores[solid->core], shape, (Vec3 *)arm->points, (Ball *)arm->blocks
             );
         }
     }

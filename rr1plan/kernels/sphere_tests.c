@@ -54,7 +54,7 @@ typedef struct {
 } BoxExtent;
 
 INLINE BoxExtent extent_along(int64_t group, Vec8 n, const SceneTables *scene, const Scratch *scratch) {
-    const GroupBox *box = &scene->arm->group_boxes[group];
+    const Box *box = &scene->arm->group_boxes[group];
     Vec8 local = to_frame(&scratch->frames[scene->arm->groups[group].joint], n);
     f64x8 low[3] = {local.x * box->low[0], local.y * box->low[1], local.z * box->low[2]};
     f64x8 high[3] = {local.x * box->high[0], local.y * box->high[1], local.z * box->high[2]};

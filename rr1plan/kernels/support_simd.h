@@ -136,7 +136,7 @@ NOINLINE f64x8 lowest_within(int64_t core, Vec8 n, Vec8 low, int64_t base, uint6
     }
     f64x8 turn = sqrt_lanes(vec8_dot(speed.turning, speed.turning)) * h;
     f64x8 best = vec8_dot(local, low) - h * abs_lanes(speed.constant + vec8_dot(speed.turning, low));
-    const PointBlock *block = arm->blocks + range->first_block;
+    const Ball *block = arm->blocks + range->first_block;
     for (int64_t i = range->first_point; i < range->last_point; i += BLOCK_POINTS, block++) {
         f64x8 bound = swept_height(block->center, local, speed, h) - block->radius - turn * block->radius;
         if ((less_than(bound, best) & lanes) == 0) continue;

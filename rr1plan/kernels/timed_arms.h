@@ -28,12 +28,6 @@ typedef struct {
     int64_t last_child;  // pairs of the bodies in two boxes; none for two bodies
 } TimedPair;
 
-// A box in the world [m].
-typedef struct {
-    double low[3];
-    double high[3];
-} SliceBox;
-
 typedef struct {
     const ExactTables *exact;  // bodies of arms, obstacles, then boxes around bodies
     const TimedArm *arms;      // own arms move along edges
@@ -46,7 +40,7 @@ typedef struct {
     const double *coefficients;
     const double *own_breaks;
     const double *own_coefficients;
-    SliceBox *slices;  // boxes around all of an arm during a slice of its motion
+    Box *slices;       // boxes around all of an arm during a slice of its motion
     double tolerance;  // bodies that pass at less than this beyond the padding are rejected [m]
 } TimedScene;
 
