@@ -207,8 +207,8 @@ class EdgeKernel:
         """
         curve = np.ascontiguousarray(curve)
         scratch = self._exact.scratch
-        if len(curve) > scratch.value.coefficient_rows:
-            scratch.set(coefficients=np.zeros_like(curve), coefficient_rows=len(curve))
+        if curve.size > scratch.part("coefficients").size:
+            scratch.set(coefficients=np.zeros_like(curve))
         return self._edge_result(self._library.rr1_certify_curve(*self.context, curve, len(curve), duration))
 
     def certify_edges(self, begins: Array, ends: Array) -> NDArray[np.int64]:

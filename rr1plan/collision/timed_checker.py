@@ -307,8 +307,8 @@ class _MovingPairs:
 
     def _certify(self, breaks: Array, coefficients: Array, t_from: float, t_to: float, *, find_first: bool) -> int:
         terms, stride = coefficients.shape[1:]
-        if terms > self._exact.value.coefficient_rows:
-            self._exact.set(coefficients=np.zeros(terms * self._whole.nq), coefficient_rows=terms)
+        if terms * self._whole.nq > self._exact.part("coefficients").size:
+            self._exact.set(coefficients=np.zeros(terms * self._whole.nq))
         self._arms[self._own, 6], self._arms[self._own, 7] = len(coefficients), terms
         self._arms[self._own, 9] = stride
         self._scene.set(own_breaks=breaks, own_coefficients=coefficients)

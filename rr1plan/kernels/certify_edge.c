@@ -165,7 +165,7 @@ EXPORT int64_t rr1_certify_parabola(const SceneTables *scene, Scratch *scratch, 
     return decide(3, 0, scene, scratch);
 }
 
-// Certify a curve by the exact kernel alone; at most as many terms as `coefficient_rows` of its scratch.
+// Certify a curve by the exact kernel alone; the `coefficients` of its scratch have room for all terms.
 EXPORT int64_t rr1_certify_curve(const SceneTables *scene, Scratch *scratch, const double *coefficients,
                                  int64_t terms, double duration) {
     Curve curve = {coefficients, terms, duration};

@@ -96,8 +96,7 @@ typedef struct {
     // Entry (b, k): bound of the displacement of body b's points by the k-th and later joints of its chain [m].
     double *travel;
     int64_t travel_stride;
-    double *coefficients;  // of a curve at the middle of an interval, shape (`coefficient_rows`, columns of q)
-    int64_t coefficient_rows;
+    double *coefficients;  // of a curve at the middle of an interval, shape (most terms of a curve, columns of q)
     double *q;
     double *reach;       // largest change of each column of q from there
     int64_t *placed_at;  // number of the interval for which each body was last placed

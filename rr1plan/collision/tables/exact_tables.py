@@ -266,7 +266,6 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, pairs:
     scratch = CStruct(
         "ExactScratch",
         travel_stride=stride,
-        coefficient_rows=terms,
         queue_size=max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length()),
         joint_poses=tables.joint_poses.copy(),
         poses=tables.poses.copy(),
