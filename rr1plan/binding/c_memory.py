@@ -116,11 +116,6 @@ class KernelStruct:
         keys = [*self._targets, *(field for fields in self._rooms for field in fields)]
         return {key: self.part(key) for key in dict.fromkeys(keys)}
 
-    @property
-    def arrays(self) -> list[NDArray[Any]]:
-        """The arrays that its pointers point to."""
-        return [given for given in self.targets.values() if not isinstance(given, KernelStruct)]
-
 
 def address_of(sources: KernelSources, given: KernelStruct | NDArray[Any], kind: str) -> int:
     """Address of a struct or an array, to be kept alive by the caller.

@@ -50,7 +50,7 @@ def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     edges = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding, checker.pairs, checker.static_contacts)
     arm, pairs_of_kernel = vars(edges.arm).values(), vars(edges.pairs).values()
-    tables = (*arm, *edges.cores, *edges.obstacles.arrays, *pairs_of_kernel, edges.rest, *exact, *static)
+    tables = (*arm, *edges.cores, *edges.obstacles.targets.values(), *pairs_of_kernel, edges.rest, *exact, *static)
     return [*map(np.asarray, own), *(np.asarray(a) for a in tables if isinstance(a, np.ndarray | float))]
 
 
@@ -184,7 +184,7 @@ def test_scenes_whose_obstacles_have_other_rules_have_other_pairs(odd):
 def test_scratch_memory_is_nobody_elses(odd):
     scene = furnished(Scene().with_arm("a", odd))
     checkers = [CollisionChecker(s) for s in (scene, scene.with_margin(0.1))]
-    one, two = (exact_scratch(checker.tables, checker.nq).arrays for checker in checkers)
+    one, two = (list(exact_scratch(checker.tables, checker.nq).targets.values()) for checker in checkers)
     assert len(one) == len(two) > 5
     kept = [array for checker in checkers for array in checker.tables]
     for i, mine in enumerate(one):
