@@ -24,14 +24,12 @@ class Line:
     """A straight line of a frame: its origin moves on a line, its orientation is interpolated by slerp.
 
     Args:
-        index: Pinocchio's index of the frame.
         p0: Initial position [m], shape (3,).
         p1: Final position [m], shape (3,).
         R0: Initial rotation, shape (3, 3).
         turn: Rotation vector to the final rotation in the frame's axes [rad], shape (3,); None if it is free.
     """
 
-    index: int
     p0: Array
     p1: Array
     R0: Array
@@ -41,7 +39,7 @@ class Line:
     def between(kinematics: Kinematics, q: Array, index: int, position: Array, rotation: Array | None) -> Line:
         """The line from the frame's pose at q (nq,) to a position (3,) and a rotation (3, 3) or None."""
         p, R, _ = kinematics.pose_and_jacobian(q, index)
-        return Line(index, p, position, R, None if rotation is None else pin.log3(R.T @ rotation))
+        return Line(p, position, R, None if rotation is None else pin.log3(R.T @ rotation))
 
     @property
     def length(self) -> float:

@@ -19,7 +19,7 @@ from rr1plan.model import Kinematics
 from rr1plan.model.ik_descent import descend, errors_at
 from rr1plan.model.ik_search import IkSearch
 from rr1plan.model.inverse_kinematics import describe_excess, why_none
-from rr1plan.model.kinematic_chain import Chain, chain_of
+from rr1plan.model.kinematic_chain import chain_of
 from rr1plan.model.workspace_lines import EdgeBound, Line
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
@@ -88,7 +88,28 @@ class CartesianPlanner(Planner):
         """
         with Query(self.name, problem, budget, rng, progress) as query:
             goals = _pose_goals(problem)
-            return _LineSearch(self, query).to_any(goals)
+            blocked = check_start(problem, query.motion)
+            if blocked:
+                return query.result(PlanStatus.INVALID_START, reason=blocked)
+            return self._to_any(goals, query)
+
+    def _to_any(self, goals: tuple[PoseGoal, ...], query: Query) -> PlanResult:
+        """The path to the first goal that is reached, or why there is none."""
+        kinematics, stops = Kinematics(query.problem.scene, query.problem.arms).for_arm(), []
+        for goal in goals:
+            ended = _LineSearch(self, query, kinematics, goal).run()
+            if not isinstance(ended, _Stop):
+                return query.result(PlanStatus.FOUND, ended)
+            stops.append(ended)
+            if ended.status is not PlanStatus.INFEASIBLE:
+                break
+        reason = "; ".join(stop.reason for stop in stops)
+        if stops[-1].status is not PlanStatus.INFEASIBLE:
+            return query.result(stops[-1].status, reason=reason)
+        ends = GoalSearch(query.problem, query.motion, query.seed, max_per_goal=1).find()
+        if ends.status is not None:
+            return query.result(ends.status, reason=f"{reason}; and {ends.reason}")
+        return query.result(PlanStatus.INFEASIBLE, reason=f"{reason}; the goal itself has a free configuration")
 
 
 def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
@@ -105,86 +126,72 @@ def _pose_goals(problem: Problem) -> tuple[PoseGoal, ...]:
 
 
 class _LineSearch:
-    """The search for a Cartesian path of one query."""
+    """The search for a Cartesian path of one query to one of its goals.
 
-    def __init__(self, planner: CartesianPlanner, query: Query) -> None:
-        self.planner, self.query = planner, query
-        self.problem, self.motion = query.problem, query.motion
-        self.kinematics = Kinematics(self.problem.scene, self.problem.arms).for_arm()
-        self.robot = self.problem.scene.arms[self.problem.arms[0]].robot
+    Args:
+        planner: The planner, for its tolerances.
+        query: The query.
+        kinematics: Kinematics of the moving arm.
+        goal: The goal.
+    """
 
-    def to_any(self, goals: tuple[PoseGoal, ...]) -> PlanResult:
-        """The path to the first goal that is reached, or why there is none."""
-        query, stops = self.query, []
-        blocked = check_start(self.problem, self.motion)
-        if blocked:
-            return query.result(PlanStatus.INVALID_START, reason=blocked)
-        for goal in goals:
-            ended = self.along(goal)
-            if not isinstance(ended, _Stop):
-                return query.result(PlanStatus.FOUND, ended)
-            stops.append(ended)
-            if ended.status is not PlanStatus.INFEASIBLE:
-                break
-        reason = "; ".join(stop.reason for stop in stops)
-        if stops[-1].status is not PlanStatus.INFEASIBLE:
-            return query.result(stops[-1].status, reason=reason)
-        ends = GoalSearch(self.problem, self.motion, query.seed, max_per_goal=1).find()
-        if ends.status is not None:
-            return query.result(ends.status, reason=f"{reason}; and {ends.reason}")
-        return query.result(PlanStatus.INFEASIBLE, reason=f"{reason}; the goal itself has a free configuration")
+    def __init__(self, planner: CartesianPlanner, query: Query, kinematics: Kinematics, goal: PoseGoal) -> None:
+        self.planner, self.query, self.kinematics, self.goal = planner, query, kinematics, goal
+        self.motion, self.robot = query.motion, query.problem.scene.arms[query.problem.arms[0]].robot
+        self.frame = kinematics.frame(goal.frame)
+        self.index = kinematics.scene_model.frame_id(self.frame)
+        self.chain = chain_of(kinematics.scene_model.arm_model, self.frame)
+        self.line = Line.between(kinematics, query.problem.start, self.index, goal.position, goal.rotation)
+        self.bound = EdgeBound(kinematics, self.index)
 
     # ---- the line ----------------------------------------------------------------------------
 
-    def along(self, goal: PoseGoal) -> Array | _Stop:
-        """Waypoints along the line to one goal, shape (n, nq)."""
-        index = self.kinematics.scene_model.frame_id(self.kinematics.frame(goal.frame))
-        start = self.problem.start
-        line = Line.between(self.kinematics, start, index, goal.position, goal.rotation)
-        bound = EdgeBound(self.kinematics, index)
+    def run(self) -> Array | _Stop:
+        """Waypoints along the line, shape (n, nq)."""
+        line, start = self.line, self.query.problem.start
         waypoints, part, step = [start], 0.0 if line.length > _NO_LENGTH else 1.0, _FIRST_STEP
         while part < 1.0:
             stop = self.take_step(part)
             if stop is not None:
                 return stop
             following = 1.0 if part + step > 1.0 - _SMALLEST_STEP else part + step
-            q = self.correct(line, following, waypoints[-1], goal)
-            fits = q is not None and self.is_straight(line, bound, waypoints[-1], q)
+            q = self.correct(following, waypoints[-1])
+            fits = q is not None and self.is_straight(waypoints[-1], q)
             if q is not None and fits and self.is_free(waypoints[-1], q):
                 waypoints.append(q)
                 part, step = following, min(2.0 * step, _LARGEST_STEP)
                 continue
             step *= 0.5
             if step < _SMALLEST_STEP:
-                why = self.why(line, following, waypoints[-1], q, fits)
+                why = self.why(following, waypoints[-1], q, fits)
                 meters = part * float(np.linalg.norm(line.p1 - line.p0))
                 where = f"the line to the goal ends after {100 * part:.1f} %"
                 return _Stop(PlanStatus.INFEASIBLE, f"{where} ({meters:.4g} m): {why}")
         return np.array(waypoints)
 
-    def correct(self, line: Line, part: float, q: Array, goal: PoseGoal) -> Array | None:
+    def correct(self, part: float, q: Array) -> Array | None:
         """The configuration on the line nearest to q, or None if there is none within the limits."""
         limits = self.robot.limits
-        target, chain = line.at(part), self.chain_of(line)
-        q, _ = descend(chain, target, q, limits.lower, limits.upper, steps=30)
-        meters, radians = errors_at(chain, target, q)
-        most_meters, most_radians = self.waypoint_tolerances(goal)
+        target = self.line.at(part)
+        q, _ = descend(self.chain, target, q, limits.lower, limits.upper, steps=30)
+        meters, radians = errors_at(self.chain, target, q)
+        most_meters, most_radians = self.waypoint_tolerances()
         return q if meters <= most_meters and radians <= most_radians else None
 
-    def waypoint_tolerances(self, goal: PoseGoal) -> tuple[float, float]:
+    def waypoint_tolerances(self) -> tuple[float, float]:
         """Tolerances of waypoints [m], [rad]."""
         return (
-            min(_WAYPOINT_SHARE * self.planner.tolerance, 0.9 * goal.position_tolerance),
-            min(_WAYPOINT_SHARE * self.planner.orientation_tolerance, 0.9 * goal.orientation_tolerance),
+            min(_WAYPOINT_SHARE * self.planner.tolerance, 0.9 * self.goal.position_tolerance),
+            min(_WAYPOINT_SHARE * self.planner.orientation_tolerance, 0.9 * self.goal.orientation_tolerance),
         )
 
-    def is_straight(self, line: Line, bound: EdgeBound, a: Array, b: Array) -> bool:
+    def is_straight(self, a: Array, b: Array) -> bool:
         """Whether the edge provably stays within the tolerances of the line."""
-        meters, radians = bound.bound(a, b)
+        meters, radians = self.bound.bound(a, b)
         share = 1.0 - _WAYPOINT_SHARE
         return (
             meters <= share * self.planner.tolerance
-            and (line.turn is None or radians <= share * self.planner.orientation_tolerance)
+            and (self.line.turn is None or radians <= share * self.planner.orientation_tolerance)
             and float(np.abs(b - a).sum()) <= _LARGEST_EDGE
         )
 
@@ -204,30 +211,28 @@ class _LineSearch:
 
     # ---- why it ended ------------------------------------------------------------------------
 
-    def why(self, line: Line, part: float, q: Array, blocked: Array | None, fits: bool) -> str:
+    def why(self, part: float, q: Array, blocked: Array | None, fits: bool) -> str:
         """Why the line ends at q; `blocked` is the next configuration on it, if there is one."""
         if blocked is not None and fits:
             return f"collision: {self.collision(q, blocked)}"
         if blocked is not None:
-            return f"continuing needs a jump of the joints; {self.singularity(line, q)}"
-        target, free = line.at(part), np.full(len(q), np.inf)
-        unlimited, cost = descend(self.chain_of(line), target, q, -free, free)
+            return f"continuing needs a jump of the joints; {self.singularity(q)}"
+        target, free = self.line.at(part), np.full(len(q), np.inf)
+        unlimited, cost = descend(self.chain, target, q, -free, free)
         excess = describe_excess(self.robot, unlimited)
         if excess and cost < _REACHED and float(np.abs(unlimited - q).sum()) < _LARGEST_EDGE:
             return f"joint limit: {excess}"
         quaternion = None if target.rotation is None else quaternion_from_rotation(target.rotation)
-        goal = PoseGoal(
-            self.frame_name(line), target.lower, quaternion, position_tolerance=_EXACT, orientation_tolerance=_EXACT
-        )
-        search = IkSearch(self.chain_of(line), self.robot, goal, q[None], random_state(0))
+        goal = PoseGoal(self.frame, target.lower, quaternion, position_tolerance=_EXACT, orientation_tolerance=_EXACT)
+        search = IkSearch(self.chain, self.robot, goal, q[None], random_state(0))
         if search.collect(_STARTS, most=1):
-            return f"it continues only from another configuration; {self.singularity(line, q)}"
-        return why_none(search, self.frame_name(line), "the next point of the line")
+            return f"it continues only from another configuration; {self.singularity(q)}"
+        return why_none(search, self.frame, "the next point of the line")
 
-    def singularity(self, line: Line, q: Array) -> str:
+    def singularity(self, q: Array) -> str:
         """Message about the smallest singular value of the frame's Jacobian."""
-        J = self.kinematics.pose_and_jacobian(q, line.index)[2]
-        rows = J if line.turn is not None else J[:3]
+        J = self.kinematics.pose_and_jacobian(q, self.index)[2]
+        rows = J if self.line.turn is not None else J[:3]
         smallest = float(np.linalg.svd(rows, compute_uv=False).min(initial=np.inf))
         verdict = "singular" if smallest < _SINGULAR else "not singular"
         return f"the arm is {verdict} there (smallest singular value of the Jacobian {smallest:.2g})"
@@ -239,11 +244,3 @@ class _LineSearch:
             if self.motion.contacts(between):
                 return describe_collision(self.motion, between)
         return " and ".join(repr(name) for name in self.motion.nearest(blocked).pair)
-
-    def chain_of(self, line: Line) -> Chain:
-        """Kinematic chain of the frame."""
-        return chain_of(self.kinematics.scene_model.arm_model, self.frame_name(line))
-
-    def frame_name(self, line: Line) -> str:
-        """Name of the moving frame, "arm/link"."""
-        return str(self.kinematics.scene_model.model.frames[line.index].name)
