@@ -13,18 +13,18 @@ from rr1plan.model import Kinematics
 from rr1plan.robot import Robot
 
 
-def point_jacobians(kinematics: Kinematics, frame: int, configurations: Array, points: Array) -> tuple[Array, Array]:
-    """Positions of points of a frame, and their Jacobians.
+def point_jacobians(kinematics: Kinematics, configurations: Array, points: Array) -> tuple[Array, Array]:
+    """Positions of points of the tool, and their Jacobians.
 
     Args:
         kinematics: Kinematics of one arm.
-        frame: Pinocchio's index of the frame.
         configurations: Configurations [rad or m], shape (m, nq).
-        points: The point in the frame at each [m], shape (m, 3).
+        points: The point in the frame of the tool at each [m], shape (m, 3).
 
     Returns:
         The positions [m], shape (m, 3), and their derivatives by the configurations, shape (m, 3, nq).
     """
+    frame = kinematics.scene_model.frame_id(kinematics.frame("tool"))
     parts = [kinematics.pose_and_jacobian(q, frame) for q in configurations]
     origins, rotations, jacobians = (np.array(part) for part in zip(*parts, strict=True))
     arms = (rotations @ points[:, :, None])[:, :, 0]
@@ -70,7 +70,6 @@ class MeasuredPoints:
         self.signs = np.array([float(joint.sign) for joint in joints])
         self.turns = readings / np.array([joint.scale for joint in joints])
         self._kinematics = Kinematics(robot)
-        self._frame = self._kinematics.scene_model.frame_id(self._kinematics.frame(robot.tool))
 
     def begin(self, *, free_base: bool) -> Parameters:
         """Parameters of the start; a free base is placed where the measurements fit best."""
@@ -118,7 +117,7 @@ class MeasuredPoints:
         nq = len(parameters.signs)
         zeros, factors = parameters.values[:nq], parameters.values[nq : 2 * nq]
         configurations = zeros + parameters.signs * factors * self.turns
-        return point_jacobians(self._kinematics, self._frame, configurations, self.points)
+        return point_jacobians(self._kinematics, configurations, self.points)
 
 
 def _cross_matrices(vectors: Array) -> Array:

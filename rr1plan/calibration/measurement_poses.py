@@ -76,10 +76,9 @@ def propose_calibration_poses(
             f"{often} touch or are nearer than their padding"
         )
     kinematics = Kinematics(scene).for_arm(arm)
-    frame = kinematics.scene_model.frame_id(kinematics.frame(robot.tool))
     lower, upper = sampling_bounds(robot)
     turns = (candidates - 0.5 * (lower + upper)) / np.maximum(upper - lower, 1e-9)
-    jacobians = point_jacobians(kinematics, frame, candidates, np.broadcast_to(offset, (len(candidates), 3)))[1]
+    jacobians = point_jacobians(kinematics, candidates, np.broadcast_to(offset, (len(candidates), 3)))[1]
     chosen = _optimal(np.concatenate([jacobians, jacobians * turns[:, None, :]], axis=2), count)
     return _in_short_order(candidates[chosen], scene.arms[arm].q)
 
