@@ -74,20 +74,20 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
     advice = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
     if advice:
         yield advice
-    is_static = (contact.a, contact.b) in checker.static_contacts  # no moving joint lies between them
-    if is_static and (posed := _posed_arms(checker, contact)):
-        for arm in posed:
-            yield (
-                f"{arm!r} does not move in this problem: give it another configuration "
-                f"(scene.with_configuration({arm!r}, ...), in a scene file q of [arms.{toml_key(arm)}])"
-            )
+    if (contact.a, contact.b) not in checker.static_contacts:
+        return  # a moving joint lies between them
+    posed = _posed_arms(checker, contact)
+    for arm in posed:
+        yield (
+            f"{arm!r} does not move in this problem: give it another configuration "
+            f"(scene.with_configuration({arm!r}, ...), in a scene file q of [arms.{toml_key(arm)}])"
+        )
+    if posed:
         return
-    if is_static and not {contact.a, contact.b} & (scene.obstacles.keys() | scene.attachments.keys()):
+    if not {contact.a, contact.b} & (scene.obstacles.keys() | scene.attachments.keys()):
         yield from _locked_joints_advice(scene, contact)
     for link, support in ((contact.a, contact.b), (contact.b, contact.a)):
-        is_base = scene.owner(link) in scene.arms and link not in scene.attachments
-        stands = support in scene.obstacles and support not in scene.attachments
-        if is_base and stands and is_static:
+        if scene.owner(link) in scene.arms and link not in scene.attachments and support in scene.obstacles:
             yield (
                 f"{link!r} does not move: if it stands on {support!r}, allow the pair, which is then not checked "
                 f"(scene.allow({link!r}, {support!r}), in a scene file {allowed_entry([(link, support)])}), or move "
