@@ -64,7 +64,7 @@ class KernelStruct:
         Raises:
             TypeError: an array of another type than declared.
         """
-        pointers, targets, value = self.sources.pointers(self.name), self._targets, self.value
+        pointers, targets, value = self.sources.pointers[self.name], self._targets, self.value
         for key, given in fields.items():
             kind = pointers.get(key)
             if kind is None:
@@ -200,7 +200,7 @@ def _layout(sources: KernelSources, name: str, counts: tuple[tuple[str, int], ..
     """Parts for items of some pointers of a struct, one after the other, and a size sufficient for any alignment."""
     parts, end = {}, 0
     for field, count in counts:
-        kind = sources.pointers(name)[field]
+        kind = sources.pointers[name][field]
         item = sources.item_sizes[kind]
         parts[field] = _Part(end, count * item, item, _DTYPES.get(kind))
         end += -(-count * item // _LINE) * _LINE

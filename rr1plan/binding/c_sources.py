@@ -48,7 +48,6 @@ class KernelSources:
 
     def __init__(self, unit: Path) -> None:
         self.unit = unit
-        self._pointers: dict[str, dict[str, str]] = {}
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
@@ -90,11 +89,10 @@ class KernelSources:
         """The classes in the layout of WebAssembly, with pointers of four bytes."""
         return _classes_of(self.structs, ctypes.c_uint32)
 
-    def pointers(self, name: str) -> dict[str, str]:
-        """Target types of the pointers of a struct, by field."""
-        if name not in self._pointers:
-            self._pointers[name] = {field.name: field.kind for field in self.structs[name] if field.pointer}
-        return self._pointers[name]
+    @cached_property
+    def pointers(self) -> dict[str, dict[str, str]]:
+        """Target types of the pointers of each struct, by field."""
+        return {name: {f.name: f.kind for f in fields if f.pointer} for name, fields in self.structs.items()}
 
     @cached_property
     def item_sizes(self) -> dict[str, int]:

@@ -88,7 +88,7 @@ def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) ->
     if known is None or len(known.data) < len(data):
         regions[address] = _Region(kind, address, data)
         if isinstance(given, KernelStruct):
-            pointers = sources.pointers(kind)
+            pointers = sources.pointers[kind]
             for field, target in given.targets.items():
                 if not isinstance(target, KernelStruct) and target.size == 0:
                     # NumPy does not keep the address of an empty part.

@@ -170,4 +170,4 @@ class Search:
 @cache
 def _row_size(table: str) -> int:
     """Size of a row of a table, in units of eight bytes."""
-    return SOURCES.item_sizes[SOURCES.pointers("RefereeSearch")[table]] // 8
+    return SOURCES.item_sizes[SOURCES.pointers["RefereeSearch"][table]] // 8
