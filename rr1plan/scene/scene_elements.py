@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import HEAVIEST, Array, Value, number_from_zero, of_kind, positive_number, shape_of, shown
+from rr1plan.checks import (
+    HEAVIEST,
+    Array,
+    Value,
+    items_of,
+    number_from_zero,
+    of_kind,
+    positive_number,
+    shape_of,
+    shown,
+)
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud
@@ -173,7 +183,7 @@ class Attachment(Value):
     def __post_init__(self) -> None:
         object.__setattr__(self, "geometries", _posed_shapes(self.geometries))
         object.__setattr__(self, "pose", as_pose(self.pose, "pose of the held object"))
-        object.__setattr__(self, "touch", frozenset(self.touch))
+        object.__setattr__(self, "touch", frozenset(items_of("touch", self.touch, "links")))
         _check_loose_body(self)
 
 

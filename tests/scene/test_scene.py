@@ -281,6 +281,8 @@ def test_wrong_calls_are_refused(two: Scene, rr1: Robot) -> None:
         Obstacle(())
     with pytest.raises(InputError, match="at least one shape"):  # which a file of the scene could not hold
         Attachment((), "left", "tool", identity())
+    with pytest.raises(InputError, match="touch is 'finger_link', expected a list of links"):
+        Attachment((Geometry("x", Sphere(0.1)),), "left", "tool", identity(), "finger_link")
     with pytest.raises(InputError, match="arm configuration has 1 number"):
         Arm(rr1, q=[0.0])
     with pytest.raises(InputError, match="cannot carry"):
