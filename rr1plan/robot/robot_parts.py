@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, finite_array, of_kind, read_only
+from rr1plan.checks import Array, Value, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.shapes import Color, Shape
-from rr1plan.shapes.shapes import hex_color
+from rr1plan.shapes.shapes import as_color
 from rr1plan.transforms import as_pose, identity, rotation_about
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
@@ -51,7 +51,7 @@ class Geometry(_ReadOnlyArrays):
         name: Name of the shape.
         shape: The shape.
         pose: T_parent_shape, in the frame of its link or obstacle: (4, 4), or a position (3,) [m].
-        color: Its color: "#rrggbb", "#rrggbbaa", rgba (0..1), or None.
+        color: Its color: "#rrggbb", "#rrggbbaa", rgb or rgba (0..1), or None.
 
     Raises:
         InputError: a name, shape, transform or color of the wrong kind.
@@ -74,20 +74,7 @@ class Geometry(_ReadOnlyArrays):
             raise InputError(f"shape {self.name!r} is of type {type(self.shape).__name__}, expected a shape")
         object.__setattr__(self, "pose", as_pose(self.pose, f"pose of shape {self.name!r}"))
         if self.color is not None:
-            object.__setattr__(self, "color", _color(f"color of shape {self.name!r}", self.color))
-
-
-def _color(name: str, value: Any) -> Color:
-    """A color from text or numbers."""
-    if isinstance(value, str):
-        try:
-            return hex_color(value)
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from error
-    r, g, b, a = finite_array(name, value, (4,)).tolist()
-    if not all(0.0 <= share <= 1.0 for share in (r, g, b, a)):
-        raise InputError(f"{name} is {(r, g, b, a)}, expected numbers from 0 to 1")
-    return (r, g, b, a)
+            object.__setattr__(self, "color", as_color(f"color of shape {self.name!r}", self.color))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,14 +8,16 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import Array, near_array, positive_length
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
-from rr1plan.shapes import Color, Mesh
+from rr1plan.shapes import Mesh
 from rr1plan.shapes.convex_hulls import convex_hull
 
 _FLAT = 1e-9  # twice the area of collinear corners, relative to the square of the polygon's size
 _MOST = 1000
 
 
-def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: str | Color | None = None) -> tuple[Geometry, ...]:
+def polygon_prism(
+    corners: ArrayLike, height: float = 0.2, *, color: str | ArrayLike | None = None
+) -> tuple[Geometry, ...]:
     """A prism over any simple polygon, as convex pieces for `Scene.with_obstacle`.
 
     A convex polygon is one piece; others are divided into triangles by ear clipping.
@@ -24,7 +26,7 @@ def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: str | Color
         corners: The corners in order, clockwise or counter-clockwise [m], shape (n, 2), 3 to 1000 of them. Equal
             neighbors, such as a first corner repeated at the end, count as one.
         height: Height; the prism reaches from -height / 2 to height / 2 [m].
-        color: Its color: "#rrggbb", "#rrggbbaa" or rgba (0..1).
+        color: Its color: "#rrggbb", "#rrggbbaa", rgb or rgba (0..1).
 
     Raises:
         InputError: invalid corners, a polygon that crosses itself or has no area, or a height that is not positive.

@@ -14,7 +14,7 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene.scene_content import SceneContent
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, moved_arm, pair, unchecked
-from rr1plan.shapes import Color, HalfSpace, PointCloud, Shape
+from rr1plan.shapes import HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 
 
@@ -93,7 +93,7 @@ class Scene(SceneContent):
         shape: Shape | Iterable[Geometry],
         pose: ArrayLike | None = None,
         *,
-        color: str | Color | None = None,
+        color: str | ArrayLike | None = None,
         mass: float | None = None,
         friction: float = 1.0,
     ) -> Scene:
@@ -103,7 +103,7 @@ class Scene(SceneContent):
             name: Its name, without "/".
             shape: A shape, or several posed ones.
             pose: T_world_object: (4, 4), or a position (3,) [m].
-            color: Its color: "#rrggbb", "#rrggbbaa" or rgba (0..1).
+            color: Its color: "#rrggbb", "#rrggbbaa", rgb or rgba (0..1).
             mass: Mass of a loose body [kg]; None: fixed.
             friction: Coulomb friction coefficient of a loose body.
 

@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, read_only, resolved_path, shown
-from rr1plan.files.checked_tables import Table, is_number
+from rr1plan.files.checked_tables import Table
 from rr1plan.robot import Geometry
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity, convex_shapes
 from rr1plan.shapes.convex_hulls import bounds_its_hull
 from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.shapes.point_cloud_files import load_point_cloud
-from rr1plan.shapes.shapes import hex_color
+from rr1plan.shapes.shapes import as_color
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_quaternion
 
 
@@ -69,13 +69,8 @@ def read_color(table: Table, default: Color | None = None) -> Color | None:
     value = table.raw("color")
     if value is None:
         return default
-    if isinstance(value, str):
-        with table.blame("color"):
-            return hex_color(value)
-    if not isinstance(value, list) or len(value) not in (3, 4) or not all(is_number(v) and 0 <= v <= 1 for v in value):
-        raise table.error(f"expected '#rrggbb' or 3 or 4 numbers from 0 to 1, got {value!r}", "color")
-    r, g, b, a = (float(v) for v in (*value, 1.0)[:4])
-    return (r, g, b, a)
+    with table.blame("color"):
+        return as_color("color", value)
 
 
 def read_geometries(table: Table, name: str, folder: Path) -> tuple[Geometry, ...]:

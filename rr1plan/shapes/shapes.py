@@ -220,16 +220,22 @@ Color = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0..1."""
 
 
-def hex_color(text: str) -> Color:
-    """A color from "#rrggbb" or "#rrggbbaa".
+def as_color(name: str, value: object) -> Color:
+    """A color from "#rrggbb", "#rrggbbaa", or three or four numbers 0..1; opaque unless it says otherwise.
 
     Raises:
-        InputError: other text.
+        InputError: other text, other numbers, or something else.
     """
-    digits = text.removeprefix("#")
-    if not text.startswith("#") or len(digits) not in (6, 8) or set(digits.lower()) - set("0123456789abcdef"):
-        raise InputError(f"expected '#rrggbb' or '#rrggbbaa', got {shown(text)}")
-    r, g, b, a = (int(part, 16) / 255.0 for part in (digits[0:2], digits[2:4], digits[4:6], digits[6:8] or "ff"))
+    if isinstance(value, str):
+        digits = value.removeprefix("#")
+        if not value.startswith("#") or len(digits) not in (6, 8) or set(digits.lower()) - set("0123456789abcdef"):
+            raise InputError(f"{name}: expected '#rrggbb' or '#rrggbbaa', got {shown(value)}")
+        r, g, b, a = (int(part, 16) / 255.0 for part in (digits[0:2], digits[2:4], digits[4:6], digits[6:8] or "ff"))
+        return (r, g, b, a)
+    numbers = finite_array(name, value, (None,))
+    if len(numbers) not in (3, 4) or (numbers < 0.0).any() or (numbers > 1.0).any():
+        raise InputError(f"{name} is {shown(value)}, expected '#rrggbb' or 3 or 4 numbers from 0 to 1")
+    r, g, b, a = (*numbers.tolist(), 1.0)[:4]
     return (r, g, b, a)
 
 

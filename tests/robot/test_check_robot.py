@@ -77,7 +77,7 @@ def test_what_does_not_fit_is_named(planar2r: Robot, break_it: Callable[[Robot],
         ({"shape": "box"}, "shape 'x' is of type str"),
         ({"name": 3}, "name of a shape is of type int"),
         ({"pose": np.zeros((4, 4))}, "pose of shape 'x' is not a rigid transform"),
-        ({"color": (1.0, 0.0, 0.0)}, r"color of shape 'x' has shape \(3,\)"),
+        ({"color": (1.0, 0.0)}, r"color of shape 'x' is \(1.0, 0.0\), expected '#rrggbb' or 3 or 4 numbers"),
         ({"color": "red"}, "color of shape 'x': expected '#rrggbb' or '#rrggbbaa', got 'red'"),
         ({"color": (2.0, 0.0, 0.0, 1.0)}, "color of shape 'x'.*from 0 to 1"),
         ({"color": (np.nan, 0.0, 0.0, 1.0)}, "color of shape 'x'.*finite"),
@@ -91,5 +91,6 @@ def test_a_posed_shape_is_checked_where_it_is_made(changes: dict[str, Any], word
 def test_a_color_is_text_or_numbers() -> None:
     assert Geometry("x", rp.Sphere(0.1), color="#ff0000").color == (1.0, 0.0, 0.0, 1.0)
     assert Geometry("x", rp.Sphere(0.1), color="#00FF0000").color == (0.0, 1.0, 0.0, 0.0)
+    assert Geometry("x", rp.Sphere(0.1), color=np.array([0.0, 0.5, 1.0])).color == (0.0, 0.5, 1.0, 1.0)
     scene = rp.Scene().with_obstacle("x", rp.Sphere(0.1), color="#0000ff")
     assert scene.obstacles["x"].geometries[0].color == (0.0, 0.0, 1.0, 1.0)
