@@ -81,7 +81,7 @@ class MjcfContent:
         """Log what is lost if only the robots are used."""
         if self.surroundings:
             log.warning(
-                "%s: not part of the robot, left out: %s; read by rr1plan.load_scene, this file has them as obstacles",
+                "%s: not part of the robot, left out: %s; rr1plan.load_scene of this file reads them as obstacles",
                 self.tree.source,
                 listed_names([thing.name for thing in self.surroundings]),
             )

@@ -399,7 +399,7 @@ def test_two_arms_are_two_groups(folder: Path, caplog: pytest.LogCaptureFixture)
 def test_what_is_not_the_robot_is_said(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     robot = load(folder, CASES["two arms and a cube"])
     assert not {"cube", "table"} & set(robot.link_names)
-    assert "left out: geom0, cube, table; read by rr1plan.load_scene, this file has them as" in caplog.text
+    assert "left out: geom0, cube, table; rr1plan.load_scene of this file reads them as" in caplog.text
     assert "door" not in load(folder, CASES["a passive door"]).link_names
     load(folder, CASES["a base that is free"])
     assert "'trunk' is free to move, it is taken as fixed" in caplog.text
