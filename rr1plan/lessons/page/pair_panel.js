@@ -63,11 +63,9 @@ class Diagram extends Sketch {
   under(event) {
     const box = this.canvas.getBoundingClientRect(), { x, y, size } = this.plot, [one, two] = this.lesson.ends;
     const u = ((event.clientX - box.left) * this.ratio - x) / size, v = 1 - ((event.clientY - box.top) * this.ratio - y) / size;
-    return [clamp01(u) * one, clamp01(v) * two];
+    return [clamp(u, 0, 1) * one, clamp(v, 0, 1) * two];
   }
 }
-
-const clamp01 = (x) => Math.min(Math.max(x, 0), 1);
 
 class TwoArms {
   constructor() {
@@ -136,7 +134,7 @@ class TwoArms {
   /** Moves both arms to their positions in the schedule. */
   setTime(time) {
     const { times, places, joint } = this.schedule;
-    this.time = Math.min(Math.max(time, 0), times[times.length - 1]);
+    this.time = clamp(time, 0, times[times.length - 1]);
     if (joint) {
       this.places = null;
       this.pose(interpolated(times, joint, this.time));
@@ -201,7 +199,7 @@ class TwoArms {
     keys("In the slice: move the arm; with Shift farther", this.square.canvas, (by) => this.poseShown(this.shownQ().map((v, axis) => v + (by[axis] * Math.PI) / 180)));
     keys("In the diagram: move both arms along their paths", this.diagram.canvas, (by) => {
       const places = this.places || [0, 0];
-      this.setPlaces(places.map((v, k) => Math.min(Math.max(v + 0.01 * by[k] * this.ends[k], 0), this.ends[k])));
+      this.setPlaces(places.map((v, k) => clamp(v + 0.01 * by[k] * this.ends[k], 0, this.ends[k])));
     });
     viewer.keys.add("Two arms", [
       { keys: [" ", "x"], text: "Run the schedule, or pause", act: () => this.run() },
@@ -214,7 +212,7 @@ class TwoArms {
   /** Moves the arm whose slice is shown, off its path. */
   poseShown(q) {
     const both = this.q();
-    q.forEach((v, axis) => { both[2 * this.shown + axis] = Math.min(Math.max(v, data.low[axis]), data.high[axis]); });
+    q.forEach((v, axis) => { both[2 * this.shown + axis] = clamp(v, data.low[axis], data.high[axis]); });
     this.places = null;
     this.pose(both);
   }

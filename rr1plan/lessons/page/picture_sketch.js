@@ -13,7 +13,7 @@ class Sketch {
     const wide = this.canvas.parentElement.clientWidth, ratio = fineness(), large = magnification();
     if (!wide || (wide === this.wide && ratio === this.ratio)) return;
     Object.assign(this, { wide, ratio });
-    this.unit = ratio * large * Math.min(Math.max(wide / large / 480, 0.85), 1.5);
+    this.unit = ratio * large * clamp(wide / large / 480, 0.85, 1.5);
     this.canvas.width = Math.round(wide * this.ratio);
     this.canvas.height = Math.round(this.canvas.width * this.aspect);
     this.canvas.style.height = `${this.canvas.height / this.ratio}px`;

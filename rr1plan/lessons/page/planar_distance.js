@@ -1,7 +1,5 @@
 // Distances in the plane: each body is the convex hull of a few points, widened by a radius.
 
-const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
-
 /** Distance of a point from a segment. */
 function toSegment(px, py, ax, ay, bx, by) {
   const dx = bx - ax, dy = by - ay, along = dx * dx + dy * dy;

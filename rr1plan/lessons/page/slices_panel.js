@@ -3,7 +3,6 @@
 
 const part = (selector) => root.querySelector(selector);
 const CELLS = 200, BATCH = 500, Z = 1.96;
-const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 const percent = (x, digits = 1) => `${(100 * x).toFixed(digits)} %`;
 const degrees = (x) => `${Math.round((180 / Math.PI) * x) + 0}°`.replace("-", "−");
 

@@ -201,7 +201,7 @@ class Timing {
       this.three = threePhases(values.distance, values.speed, values.push);
       // Downward from the start, or from where the whole distance is within the limits.
       const { start, low, high, periodic } = viewer.panelData.cspace;
-      const from = periodic[0] ? start[0] : Math.min(Math.max(start[0], low[0] + values.distance), high[0]);
+      const from = periodic[0] ? start[0] : clamp(start[0], low[0] + values.distance, high[0]);
       this.motion = { duration: this.seven.duration, q: (t) => [from - this.seven.at(t)[0], start[1]] };
     } else this.motion = { duration: 0, q: () => viewer.panelData.cspace.start };
     part(".said").innerHTML = this.say();
@@ -246,7 +246,7 @@ class Timing {
   /** Moves the arm by some time [s], forward or back. */
   walk(by) {
     this.stop();
-    this.at(Math.min(Math.max(this.share + by / this.duration, 0), 1));
+    this.at(clamp(this.share + by / this.duration, 0, 1));
   }
 
   /** Moves the arm to a share of the duration. */
@@ -266,7 +266,7 @@ class Timing {
     if (left === undefined || this.mode === "cost") return;
     let place = (x * part(".chart").clientWidth) / magnification() - left;
     if (this.frame.again && place > this.frame.again) place -= this.frame.again;  // two plots are side by side
-    const share = Math.min(Math.max(place / (right - left), 0), 1);
+    const share = clamp(place / (right - left), 0, 1);
     if (!this.plane || this.mode !== "plane") { this.at(share); return; }
     const s = share * this.grid.s[this.grid.s.length - 1], k = Math.max(0, this.grid.s.findIndex((v) => v >= s));
     this.at(this.plane.times[k] / this.duration);
@@ -481,7 +481,7 @@ function alongLines(path, velocity, acceleration) {
   const duration = ends[ends.length - 1];
   return { duration, q: (t) => {
     const k = indexAt(ends, t, lines.length - 1), line = lines[k];
-    const s = line.motion.at(Math.min(Math.max(t - ends[k], 0), line.motion.duration))[0];
+    const s = line.motion.at(clamp(t - ends[k], 0, line.motion.duration))[0];
     return line.from.map((v, i) => v + s * line.way[i]);
   } };
 }

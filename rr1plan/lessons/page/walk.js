@@ -24,6 +24,6 @@ class Walk {
 
   walk(move) {
     this.stop();
-    this.go(Math.min(Math.max(this.at + move, 0), this.length));
+    this.go(clamp(this.at + move, 0, this.length));
   }
 }

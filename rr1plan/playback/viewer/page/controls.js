@@ -130,7 +130,7 @@ class Controls {
 
   nextSpeed(direction) {
     const menu = find("speed");
-    const index = Math.min(Math.max(menu.selectedIndex + direction, 0), menu.options.length - 1);
+    const index = clamp(menu.selectedIndex + direction, 0, menu.options.length - 1);
     menu.selectedIndex = index;
     this.viewer.setSpeed(Number(menu.value));
   }
@@ -413,7 +413,7 @@ const lengthUnit = (largest) => (largest < 10 ? { unit: "mm", scale: 1000 } : { 
  * sign, never "−0.000".
  */
 const placed = (meters, span, least = 3) => {
-  const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), least), 9));
+  const text = meters.toFixed(clamp(2 - Math.floor(Math.log10(span / 2)), least, 9));
   return text.replace("-", Number(text) === 0 ? "" : "−");
 };
 /** A distance in its most readable unit, with digits down to a micrometer where it is small. */

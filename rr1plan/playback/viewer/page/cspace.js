@@ -324,7 +324,7 @@ class Lesson {
   /** Adds or removes one edge of the tree. */
   walk(by) {
     this.pauseTree();
-    this.growTo(Math.min(Math.max(this.grown + by, 0), this.tree.length));
+    this.growTo(clamp(this.grown + by, 0, this.tree.length));
   }
 
   growTo(count) {
@@ -416,7 +416,7 @@ class Lesson {
 
   /** Moves the two joints, wrapped on periodic axes and clamped to the picture on others. */
   pose(q) {
-    const inside = q.map((v, axis) => (data.periodic[axis] ? wrapped(axis, v) : Math.min(Math.max(v, data.low[axis]), data.high[axis])));
+    const inside = q.map((v, axis) => (data.periodic[axis] ? wrapped(axis, v) : clamp(v, data.low[axis], data.high[axis])));
     viewer.setQ(withColumns(viewer.q, data.columns, inside));
   }
 

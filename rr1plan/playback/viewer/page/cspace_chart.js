@@ -14,7 +14,7 @@ class CspaceChart {
     const wide = part(".plot").clientWidth, ratio = fineness(), large = magnification();
     if (wide === this.wide && ratio === this.ratio) return false;
     Object.assign(this, { wide, ratio });
-    this.unit = ratio * large * Math.min(Math.max(wide / large / 480, 0.85), 1.6);
+    this.unit = ratio * large * clamp(wide / large / 480, 0.85, 1.6);
     const left = Math.round(40 * this.unit), below = Math.round(26 * this.unit), rim = Math.round(8 * this.unit);
     const size = Math.max(32, Math.round(wide * this.ratio) - left - rim);
     this.plot = { x: left, y: rim, size };

@@ -191,7 +191,7 @@ function bitCount(bits) {
 /** For each pixel of a row: the two cells it lies between, the fraction toward the second, and the nearest cell. */
 function lookup(size, count, closes) {
   const of = (Numbers) => new Numbers(size), found = { low: of(Int32Array), high: of(Int32Array), part: of(Float64Array), near: of(Int32Array) };
-  const place = (i) => (closes ? modulo(i, count) : Math.min(Math.max(i, 0), count - 1));
+  const place = (i) => (closes ? modulo(i, count) : clamp(i, 0, count - 1));
   for (let x = 0; x < size; x++) {
     const at = ((x + 0.5) / size) * count - 0.5, low = Math.floor(at);
     [found.low[x], found.high[x], found.part[x], found.near[x]] = [place(low), place(low + 1), at - low, place(Math.round(at))];
@@ -235,7 +235,7 @@ function stepOf(low, high, straight) {
 function cellOn(axis, part, size) {
   const k = Math.floor(part * size);
   if (data.periodic[axis]) return modulo(k, size);
-  return Math.abs(part - 0.5) < 0.5 + 1e-9 ? Math.min(Math.max(k, 0), size - 1) : -1;
+  return Math.abs(part - 0.5) < 0.5 + 1e-9 ? clamp(k, 0, size - 1) : -1;
 }
 
 /** A joint's value wrapped into the picture if its axis is periodic. */

@@ -109,7 +109,7 @@ class Workspace {
       const size = Math.max(0.075 * this.outer, (least * depth) / perHeight);
       tag.scale.set((size * tag.scale.x) / tag.scale.y, size, 1);
       const { x: middle, y } = at.applyMatrix4(camera.projectionMatrix), wide = (tag.scale.x * perWidth) / depth, tall = (tag.scale.y * perHeight) / depth;
-      const x = Math.abs(middle) < 1 ? Math.min(Math.max(middle, wide / 2 - 1), 1 - wide / 2) : middle;
+      const x = Math.abs(middle) < 1 ? clamp(middle, wide / 2 - 1, 1 - wide / 2) : middle;
       tag.center.x = 0.5 - (x - middle) / wide;
       tag.visible = !shown.some((other) => 2 * Math.abs(other.x - x) < other.wide + wide && 2 * Math.abs(other.y - y) < other.tall + tall);
       if (tag.visible) shown.push({ x, y, wide, tall });

@@ -132,7 +132,7 @@ class DifferentialIk {
       if (most < 1e-9) break;
       for (let c = 0; c < n; c++) {
         const [low, high] = limits[c], value = now[first + c] + scale * step[c];
-        next[first + c] = Math.min(Math.max(value, low === null ? -Infinity : low), high === null ? Infinity : high);
+        next[first + c] = clamp(value, low, high);
       }
       const better = this.error(next, target);
       if (better.size < best.size) { now = next; best = better; damping = Math.max(1e-8, damping / 4); }

@@ -203,8 +203,8 @@ class Dragging {
       for (let k = 0; k < 12; k++) {
         const { x, y, dx, dy } = slope(value), ex = now.clientX + off[0] - x, ey = now.clientY + off[1] - y;
         const step = (ex * dx + ey * dy) / (dx * dx + dy * dy + 400);
-        value += Math.min(Math.max(step, -0.25), 0.25);
-        value = Math.min(Math.max(value, low === null ? -Infinity : low), high === null ? Infinity : high);
+        value += clamp(step, -0.25, 0.25);
+        value = clamp(value, low, high);
         if (Math.abs(step) < 1e-5) break;
       }
       editing.turn(column, value);

@@ -186,7 +186,7 @@ class Editing {
   turn(column, value) {
     const [low, high] = this.viewer.limits[column];
     this.reach = null;
-    this.setQ(withColumns(this.viewer.q, [column], [Math.min(Math.max(value, low === null ? -Infinity : low), high === null ? Infinity : high)]));
+    this.setQ(withColumns(this.viewer.q, [column], [clamp(value, low, high)]));
   }
 
   /** Moves the joints of an arm so that its tool is at a pose, or as near as possible. */

@@ -62,10 +62,10 @@ class FlatArm {
   /** Joint values that put the tool at a point, on one side; as near as possible if it is out of reach. */
   solve(x, y, side) {
     const target = [x - this.base[0], y - this.base[1]], [a, c] = this.bars, [s1, s2] = this.senses, [u1, u2] = this.slides;
-    const clamp = (v) => Math.min(Math.max(v, -1), 1), rooted = (v) => Math.sqrt(Math.max(v, 0));
+    const rooted = (v) => Math.sqrt(Math.max(v, 0));
     const far = Math.hypot(...target), [la, lc] = [Math.hypot(...a), Math.hypot(...c)];
     if (this.kinds === "RR") {
-      const bend = side * Math.acos(clamp((far * far - la * la - lc * lc) / (2 * la * lc)));
+      const bend = side * Math.acos(clamp((far * far - la * la - lc * lc) / (2 * la * lc), -1, 1));
       const reach = cmul(a, cadd([1, 0], cscale(cturn(bend), lc / la)));
       return [s1 * cangle(cdiv(target, reach)), s2 * cangle(cturn(bend - cangle(cdiv(c, a))))];
     }
@@ -74,7 +74,7 @@ class FlatArm {
       return [s1 * cangle(cdiv(target, cmul(u2, [along, offset[1]]))), along - offset[0]];
     }
     if (this.kinds === "PR") {
-      const local = cdiv(cadd(target, cscale(a, -1)), u1), across = lc * clamp(local[1] / lc);
+      const local = cdiv(cadd(target, cscale(a, -1)), u1), across = lc * clamp(local[1] / lc, -1, 1);
       const first = local[0] - side * rooted(lc * lc - across * across);
       return [first, s2 * cangle(cdiv(cmul([local[0] - first, across], u1), c))];
     }

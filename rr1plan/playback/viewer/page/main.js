@@ -271,7 +271,7 @@ class Viewer {
   pause() { this.player.pause(); this.controls.refresh(); }
   toggle() { if (this.playing) this.pause(); else this.play(); }
   seek(t) { this.endManual(); this.player.seek(t); this.follow(); }
-  setSpeed(speed) { this.player.speed = Math.min(Math.max(Number(speed) || 1, 0.01), 100); this.controls.refresh(); }
+  setSpeed(speed) { this.player.speed = clamp(Number(speed) || 1, 0.01, 100); this.controls.refresh(); }
   setLoop(on) { this.player.loop = Boolean(on); this.controls.refresh(); }
 
   /** What a video shows, {start, end, show(t)}: the last of the panels' `films` that is not null, or the motion. */

@@ -109,6 +109,11 @@ class Kinematics {
   }
 }
 
+/** A value between bounds, of which null means none. */
+function clamp(value, low, high) {
+  return Math.min(Math.max(value, low ?? -Infinity), high ?? Infinity);
+}
+
 /** A configuration with other values in some columns. */
 function withColumns(q, columns, values) {
   const out = q.slice();
@@ -151,7 +156,7 @@ class Track {
 
   /** Writes the columns of this motion into q. */
   at(t, q) {
-    t = Math.min(Math.max(t, this.start), this.end);
+    t = clamp(t, this.start, this.end);
     const i = this.piece(t), local = t - this.breaks[i];
     const { coefficients, terms, width } = this;
     for (let j = 0; j < width; j++) {
@@ -176,7 +181,7 @@ class Track {
   /** A derivative of one slot at a time; zero beyond the ends; at a break, that of the piece that begins there. */
   rate(t, slot, order) {
     if (order > 0 && (t < this.start || t > this.end)) return 0;
-    const time = Math.min(Math.max(t, this.start), this.end), i = this.piece(time);
+    const time = clamp(t, this.start, this.end), i = this.piece(time);
     return horner(this.derived(i, slot, order), time - this.breaks[i]);
   }
 }

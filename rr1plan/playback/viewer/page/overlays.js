@@ -11,7 +11,7 @@ const SPEEDS = [
 ];
 
 function speedColor(share) {
-  const at = Math.min(Math.max(share, 0), 1) * (SPEEDS.length - 1), i = Math.min(Math.floor(at), SPEEDS.length - 2), part = at - i;
+  const at = clamp(share, 0, 1) * (SPEEDS.length - 1), i = Math.min(Math.floor(at), SPEEDS.length - 2), part = at - i;
   return SPEEDS[i].map((low, k) => (1 - part) * low + part * SPEEDS[i + 1][k]);
 }
 

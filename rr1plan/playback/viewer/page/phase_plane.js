@@ -16,7 +16,7 @@ function phasePlane(track, rates) {
   for (let k = 0; k <= count; k++) {
     // Denser at both ends, where the motion is slow.
     const share = 0.5 - 0.5 * Math.cos((Math.PI * k) / count);
-    const inside = track.start + Math.min(Math.max(share, 1e-9), 1 - 1e-9) * span;
+    const inside = track.start + clamp(share, 1e-9, 1 - 1e-9) * span;
     const [rate, second] = [1, 2].map((order) => columns.map((_, slot) => track.rate(inside, slot, order)));
     track.at(track.start + share * span, q);
     const here = columns.map((c) => q[c]), speed = Math.hypot(...rate);
@@ -95,7 +95,7 @@ function drawPhasePlane(canvas, plane, at, why) {
   pen.fillText(shortNumber(fastest), 8 * ratio, Math.max(y(fastest) + 4 * ratio, top + 24 * ratio));
   pen.fillText("0", left, height - 6 * ratio);
   if (at !== null) {
-    const k = Math.round((Math.acos(1 - 2 * Math.min(Math.max(at, 0), 1)) / Math.PI) * PHASE_SAMPLES);
+    const k = Math.round((Math.acos(1 - 2 * clamp(at, 0, 1)) / Math.PI) * PHASE_SAMPLES);
     disc(pen, x(plane.s[k]), y(plane.speed[k]), 4.5 * ratio, ACCENT, "#fff", 1.5 * ratio);
   }
 }

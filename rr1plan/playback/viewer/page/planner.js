@@ -260,7 +260,7 @@ class PagePlanner {
     return core.scoped(() => {
       const numbers = (name) => new Float64Array(core.buffer, search[name], nq);
       const [lower, upper] = [numbers("lower").slice(), numbers("upper").slice()];
-      const own = start.subarray(first, first + nq).map((value, j) => Math.min(Math.max(value, lower[j]), upper[j]));
+      const own = start.subarray(first, first + nq).map((value, j) => clamp(value, lower[j], upper[j]));
       const seeds = core.array("double", 2 * nq), preferred = core.array("double", own);
       seeds.values.set(own);
       Object.assign(search, { seeds, preferred, seed_count: 1, starts: 0, solution_count: 0, nearest_squared: Infinity });

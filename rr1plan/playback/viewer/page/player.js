@@ -42,7 +42,7 @@ class Player {
   }
 
   seek(t) {
-    this.time = Math.min(Math.max(Number(t) || 0, this.start), this.end);
+    this.time = clamp(Number(t) || 0, this.start, this.end);
     this.rest = null;
   }
 

@@ -42,7 +42,7 @@ class PolynomialCurve {
     const { track, slot, order, scale } = this, times = [], values = [], { breaks } = track, span = track.end - track.start || 1;
     for (let i = 0; i < track.pieces; i++) {
       const coefficients = track.derived(i, slot, order), long = (breaks[i + 1] ?? breaks[i]) - breaks[i];
-      const steps = coefficients.length < 3 ? 1 : Math.min(Math.max(Math.ceil((0.5 * width * long) / span), 4), 400);
+      const steps = coefficients.length < 3 ? 1 : clamp(Math.ceil((0.5 * width * long) / span), 4, 400);
       for (let k = 0; k <= steps; k++) {
         times.push(breaks[i] + (k / steps) * long);
         values.push(scale * horner(coefficients, (k / steps) * long));

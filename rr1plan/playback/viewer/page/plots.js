@@ -428,7 +428,7 @@ class Chart {
     for (const { curve, value } of values) {
       const v = this.drawn(curve, value);
       if (!Number.isFinite(v) || (this.emphasized && curve.name !== this.emphasized)) continue;
-      const y = Math.min(Math.max(this.y(v), this.box.top - 4), this.box.bottom + 4), plain = !curve.dash.length;
+      const y = clamp(this.y(v), this.box.top - 4, this.box.bottom + 4), plain = !curve.dash.length;
       pen.fillStyle = curve.color;
       pen.strokeStyle = "#fff";
       pen.lineWidth = 1.2;
@@ -466,7 +466,7 @@ class Chart {
     const place = (event) => {
       const { left, top } = area.getBoundingClientRect(), x = (event.clientX - left) / this.large, y = (event.clientY - top) / this.large;
       const share = (x - this.box.left) / (this.box.right - this.box.left);
-      return { time: this.span[0] + Math.min(Math.max(share, 0), 1) * (this.span[1] - this.span[0]), x, y };
+      return { time: this.span[0] + clamp(share, 0, 1) * (this.span[1] - this.span[0]), x, y };
     };
     const conflictAt = ({ x, y }) => {
       const near = viewer.conflicts.all.filter((c) => Math.abs(this.x(c.time) - x) < 8 && (y < this.box.top + 6 || this.concerns(c)));

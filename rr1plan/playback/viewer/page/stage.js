@@ -294,8 +294,8 @@ class Stage {
     const heads = [...document.querySelectorAll("#headline, .readout")].map(covered).filter(Boolean);
     const head = heads.length ? { right: Math.max(...heads.map((box) => box.right)), bottom: Math.max(...heads.map((box) => box.bottom)) } : null;
     const phase = [...document.querySelectorAll(".phase")].map(covered)[0];
-    const x = (at) => (2 * (Math.min(Math.max(at, left + gap), right - gap) - left)) / tile.width - 1;
-    const y = (at) => 1 - (2 * (Math.min(Math.max(at, top + gap), bottom - gap) - top)) / tile.height;
+    const x = (at) => (2 * (clamp(at, left + gap, right - gap) - left)) / tile.width - 1;
+    const y = (at) => 1 - (2 * (clamp(at, top + gap, bottom - gap) - top)) / tile.height;
     const whole = { left: x(left), right: x(right), bottom: y(Math.min(bottom, ...below.filter(Boolean).map((box) => box.top)) - gap - label), top: y(top) };
     const choices = [
       side ? [{ right: x(side.left - gap) }, { top: y(side.bottom + gap) }] : [{}],

@@ -122,7 +122,7 @@ function rowsPlannedHere(track) {
 
 /** Moves the time cursor to the current time of the motion. */
 function follow() {
-  now.style.left = `${large * x(Math.min(Math.max(viewer.time, line.start), line.start + line.makespan))}px`;
+  now.style.left = `${large * x(clamp(viewer.time, line.start, line.start + line.makespan))}px`;
 }
 
 /** A description of the chart at a point. */
@@ -139,7 +139,7 @@ function words(row, time) {
 function pointed(event) {
   const box = canvas.getBoundingClientRect();
   const share = ((event.clientX - box.left) / large - left) / (right - left);
-  return { time: line.start + Math.min(Math.max(share, 0), 1) * line.makespan, row: Math.floor((event.clientY - box.top) / large / rowHeight) };
+  return { time: line.start + clamp(share, 0, 1) * line.makespan, row: Math.floor((event.clientY - box.top) / large / rowHeight) };
 }
 
 /** The conflicts that do not involve an obstacle that has moved since. */

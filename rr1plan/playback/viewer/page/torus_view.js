@@ -92,7 +92,7 @@ class TorusView {
   }
 
   rotate(around, above) {
-    this.turn = [this.turn[0] + around, Math.min(Math.max(this.turn[1] + above, -1.5), 1.5)];
+    this.turn = [this.turn[0] + around, clamp(this.turn[1] + above, -1.5, 1.5)];
     this.ask();
   }
 

@@ -164,7 +164,7 @@ class World {
   updateBodies(time) {
     if (!this.bodyTrack) return;
     const { times, poses, count } = this.bodyTrack, last = times.length - 1;
-    const i = indexAt(times, time), next = Math.min(i + 1, last), share = next > i ? Math.min(Math.max((time - times[i]) / (times[next] - times[i]), 0), 1) : 0;
+    const i = indexAt(times, time), next = Math.min(i + 1, last), share = next > i ? clamp((time - times[i]) / (times[next] - times[i]), 0, 1) : 0;
     const p = new THREE.Vector3(), r = new THREE.Vector3(), a = new THREE.Quaternion(), b = new THREE.Quaternion(), T = new THREE.Matrix4();
     const one = new THREE.Vector3(1, 1, 1);
     for (let k = 0; k < count; k++) {
