@@ -307,11 +307,7 @@ class EdgeLesson {
   }
 
   say() {
-    const text = part(".verdict"), { edge, current } = this;
-    const put = (words, tone) => {
-      announce(text, words, Boolean(this.timer));
-      for (const name of ["good", "bad", "open"]) text.classList.toggle(name, name === tone);
-    };
+    const { current } = this, put = (words, tone) => showVerdict(words, tone, Boolean(this.timer));
     if (this.mode === "steps") { put(...this.stepWords()); return; }
     if (!current) { put("Nothing has been looked at yet.", "open"); return; }
     const names = `${current.pair.a.split("/").pop()} and ${current.pair.b.split("/").pop()}`;

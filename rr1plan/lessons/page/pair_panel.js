@@ -244,14 +244,13 @@ class TwoArms {
   }
 
   say() {
-    const text = part(".verdict"), pairs = viewer.planner ? viewer.planner.contacts(this.q()) : [];
+    const pairs = viewer.planner ? viewer.planner.contacts(this.q()) : [];
     let words = this.schedule.text, tone = this.schedule.tone;
     if (pairs.length) {
       words = `${pairs.map(([a, b]) => `${a.replace("/", "’s ")} and ${b.replace("/", "’s ")}`).join(", ")} touch. ${words}`;
       tone = "bad";
     }
-    announce(text, words, this.timer && this.time < this.end);
-    for (const name of ["good", "bad", "open"]) text.classList.toggle(name, name === tone);
+    showVerdict(words, tone, this.timer && this.time < this.end);
   }
 
   drawSlice(pen, unit) {

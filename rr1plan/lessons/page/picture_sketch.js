@@ -118,6 +118,13 @@ class Square extends Sketch {
   }
 }
 
+/** Shows a sentence below the pictures, in the colors of its tone. */
+function showVerdict(words, tone, animated = false) {
+  const text = root.querySelector(".verdict");
+  announce(text, words, animated);
+  for (const name of ["good", "bad", "open"]) text.classList.toggle(name, name === tone);
+}
+
 /** Buttons, one of which is pressed; pick(name) is called with its name. */
 function choices(box, names, pick) {
   const buttons = names.map(([name, text, title]) => {

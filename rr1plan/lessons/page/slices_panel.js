@@ -186,19 +186,14 @@ class SixJoints {
   }
 
   say() {
-    const text = part(".verdict");
-    const put = (words, tone) => {
-      announce(text, words, false);
-      for (const name of ["good", "bad", "open"]) text.classList.toggle(name, name === tone);
-    };
-    if (!viewer.planner) { put("", ""); return; }
-    if (this.mode === "measure") { put(this.shareWords(), "open"); return; }
+    if (!viewer.planner) { showVerdict("", ""); return; }
+    if (this.mode === "measure") { showVerdict(this.shareWords(), "open"); return; }
     const q = this.q(), pairs = viewer.planner.contacts(q), inside = viewer.planner.withinLimits(q);
     const where = this.mode === "solutions" && this.solution() >= 0 ? `Solution ${this.solution() + 1}: ` : "";
     const touching = pairs.map(([a, b]) => `${a.split("/").pop()} and ${b.split("/").pop()}`).join(", ");
-    if (!inside) put(`${where || "The arm is "}outside the joint limits${touching ? `, and in contact: ${touching}` : ""}.`, "bad");
-    else if (touching) put(`${where || "The arm is "}in contact: ${touching}.`, "bad");
-    else put(`${where || "The arm is "}free. Of this slice ${percent(1 - this.blocked, 0)} is free.`, "good");
+    if (!inside) showVerdict(`${where || "The arm is "}outside the joint limits${touching ? `, and in contact: ${touching}` : ""}.`, "bad");
+    else if (touching) showVerdict(`${where || "The arm is "}in contact: ${touching}.`, "bad");
+    else showVerdict(`${where || "The arm is "}free. Of this slice ${percent(1 - this.blocked, 0)} is free.`, "good");
   }
 
   draw(pen, unit) {
