@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rr1plan.collision import CollisionChecker
+from rr1plan.lessons.lesson_panel import lesson_panel
 from rr1plan.playback.cspace.cspace_grid import compute_grid, joint_symbol
 from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.view_options import Panel
 from rr1plan.scene import Scene
 
-_PACKAGE = "rr1plan.lessons"
-
 
 def picture_panel(name: str, title: str, scripts: Sequence[str], data: object) -> Panel:
-    """A panel whose content, style and script are the files `page/<name>_panel.html`, `.css` (if any) and `.js`.
+    """The `lesson_panel` of a name, with the style and the scripts of pictures of two joints.
 
     Args:
         name: Name of the panel.
         title: Its headline.
-        scripts: Files in `page` that its script needs, in addition to those that draw the picture of two joints.
+        scripts: Other files in `page` that its script needs.
         data: Data for the scripts, with the axes of that picture (`slice_axes`).
     """
-    own = [page_asset(file, _PACKAGE) for file in ("picture_sketch.js", *scripts, f"{name}_panel.js")]
-    return Panel(
-        name,
-        title,
-        html=page_asset(f"{name}_panel.html", _PACKAGE),
-        css=page_asset("picture_panel.css", _PACKAGE) + page_asset(f"{name}_panel.css", _PACKAGE, optional=True),
-        script="\n".join([page_asset("cspace_picture.js"), *own]),
-        data=data,
-        width=520,
-    )
+    own = lesson_panel(name, title, data, ("picture_sketch.js", *scripts))
+    css, script = page_asset("picture_panel.css", "rr1plan.lessons"), page_asset("cspace_picture.js")
+    return replace(own, css=css + own.css, script=f"{script}\n{own.script}", width=520)
 
 
 def slice_axes(scene: Scene, arm: str) -> dict[str, object]:
