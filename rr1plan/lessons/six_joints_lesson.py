@@ -20,7 +20,6 @@ from rr1plan.lessons.picture_panels import pair_layers, picture_panel
 from rr1plan.playback.cspace.cspace_colors import HATCHES, ink_on, layer_colors, layer_patterns
 from rr1plan.playback.cspace.cspace_figure import swatch
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, joint_symbol
-from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.playback.viewer.page_document import view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
@@ -90,12 +89,9 @@ class SixJointsLesson(Lesson):
             "periodic": [False] * robot.nq,
         }
         data = {
-            "columns": [0, 1],
             "pair": [0, 2],
             **{key: value[:2] for key, value in everything.items()},
             "all": everything,
-            "size": [1, 1],
-            "labels": pack_array(np.zeros(1), "u4"),
             "arm": list(range(robot.nq)),
             "layers": [
                 {"name": name, "color": color, "kind": "self" if name == _SELF else "thing"}

@@ -24,7 +24,7 @@ from rr1plan.planning import Budget
 from rr1plan.playback.arm_colors import arm_color
 from rr1plan.playback.cspace.cspace_grid import compute_grid
 from rr1plan.playback.outlines import silhouette
-from rr1plan.playback.viewer.page_arrays import pack_array, pack_bytes
+from rr1plan.playback.viewer.page_arrays import pack_bytes
 from rr1plan.playback.viewer.page_document import view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
@@ -140,10 +140,6 @@ class TwoArmsLesson(Lesson):
         checker = CollisionChecker(self.scene)
         arms = [self._arm(checker, name, k) for k, name in enumerate(self.arms)]
         data = {
-            **slice_axes(self.scene, self.arms[0]),
-            "size": [1, 1],
-            "labels": pack_array(np.zeros(1), "u4"),
-            "layers": [],
             "arms": arms,
             "columnsOfBoth": [0, 1, 2, 3],
             "scenarios": [self._scenario(name) for name in self.pairs],
@@ -161,11 +157,9 @@ class TwoArmsLesson(Lesson):
         return {
             "name": name,
             "color": arm_color(number),
-            "ink": arm_color(number),
-            "layers": [{"name": n, "color": c, "kind": "thing", "spot": None} for n, c in layers.items()],
+            "layers": [{"name": n, "color": c, "kind": "thing"} for n, c in layers.items()],
             "layerOf": pair_layers(checker, name, list(layers)),
             **slice_axes(self.scene, name),
-            "columns": [2 * number, 2 * number + 1],
         }
 
     def _scenario(self, name: str) -> dict[str, object]:

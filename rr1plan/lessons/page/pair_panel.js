@@ -109,8 +109,8 @@ class TwoArms {
   setArm(k) {
     this.shown = k;
     this.pressArm(String(k));
-    const { low, high, periodic, joints, layers, columns } = data.arms[k];
-    Object.assign(data, { low, high, periodic, joints, layers, columns });
+    const { low, high, periodic, joints, layers } = data.arms[k];
+    Object.assign(data, { low, high, periodic, joints, layers });
     this.rasterize();
   }
 
@@ -309,11 +309,11 @@ class TwoArms {
     pen.beginPath(); pen.moveTo(x, y + size + 3 * unit); pen.lineTo(x + size, y + size + 3 * unit); pen.stroke();
     pen.strokeStyle = b.color;
     pen.beginPath(); pen.moveTo(x - 3 * unit, y); pen.lineTo(x - 3 * unit, y + size); pen.stroke();
-    diagram.write(`${a.name} on its path →`, x + size / 2, y + size + 16 * unit, { color: a.ink });
+    diagram.write(`${a.name} on its path →`, x + size / 2, y + size + 16 * unit, { color: a.color });
     pen.save();
     pen.translate(x - 18 * unit, y + size / 2);
     pen.rotate(-Math.PI / 2);
-    diagram.write(`${b.name} on its path →`, 0, 0, { color: b.ink });
+    diagram.write(`${b.name} on its path →`, 0, 0, { color: b.color });
     pen.restore();
   }
 
