@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from rr1plan.errors import CancelledError
 
+REPORTS = 0.1
+"""Time between two reports of progress of a planner [s]."""
+
 
 @dataclass(frozen=True)
 class Progress:

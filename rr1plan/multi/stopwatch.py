@@ -10,9 +10,8 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.planning import Progress, ProgressCallback
+from rr1plan.progress import REPORTS, Progress, ProgressCallback
 
-_REPORTS = 0.1  # time between two reports [s]
 _FIRST_ROUND = 2000  # iterations of a planner in the first round of a search; later rounds have twice as many each
 
 
@@ -34,7 +33,7 @@ class Stopwatch:
         self._began = time.perf_counter()
         self.iterations = iterations if math.isinf(budget) else None
         self._budget, self._progress = budget, progress
-        self._reported = -_REPORTS
+        self._reported = -REPORTS
         self._thread = threading.get_ident()
         self._cancel = threading.Event()
         self.stop: NDArray[np.int64] = np.zeros(1, np.int64)
@@ -99,7 +98,7 @@ class Stopwatch:
         if (
             self._progress is not None
             and not self.cancelled
-            and seconds - self._reported >= _REPORTS
+            and seconds - self._reported >= REPORTS
             and threading.get_ident() == self._thread
         ):
             self._reported = seconds

@@ -25,6 +25,7 @@ from rr1plan.planning import (
     SearchTree,
     check_plan_arguments,
 )
+from rr1plan.progress import REPORTS
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import JointGoal, Problem
 
@@ -32,7 +33,6 @@ STRAIGHT_LINES = constants()["STRAIGHT_LINES"]
 """Number of nearest goals to which the straight line is checked before planning."""
 
 _DEFAULT_BUDGET = Budget()
-_REPORTS = 0.1  # time between two reports of progress [s]
 _LEAST, _MOST = 0.002, 0.01  # time between two clock readings [s]
 _CHUNK = 128  # steps before the first clock reading
 # Contact tests of two bodies for a proof that a goal cannot be reached, about a second; counted, so that slow machines
@@ -107,7 +107,7 @@ class Query:
         self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)
         self.goals: Array = problem.start[None][:0]
         self.iterations, self.edges = 0, 0
-        self.began, self._reported = 0.0, -_REPORTS
+        self.began, self._reported = 0.0, -REPORTS
         self._scene = scene or problem.scene
         self._space: Space | None = None
         # Index of the first goal with a free straight line from the start, -1 for none; None: not checked yet.
@@ -247,7 +247,7 @@ class Query:
     def in_time(self) -> bool:
         """Whether time is left and the search is not cancelled; reports progress about ten times a second."""
         seconds = time.perf_counter() - self.began
-        if self.progress is not None and not self.cancelled and seconds - self._reported >= _REPORTS:
+        if self.progress is not None and not self.cancelled and seconds - self._reported >= REPORTS:
             self._report(self.progress, seconds)
         return not self.cancelled and seconds < self.budget.seconds
 

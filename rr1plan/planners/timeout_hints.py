@@ -26,6 +26,7 @@ from rr1plan.planners.goal_configurations import GoalSearch
 from rr1plan.planners.planning_query import NO_LIMIT
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planning import CANCELLED, Budget, PlanResult, PlanStatus, Progress, ProgressCallback
+from rr1plan.progress import REPORTS
 from rr1plan.robot.contact_bands import ContactBand, contact_bands
 from rr1plan.robot.link_contacts import LinkBodies, Pair
 from rr1plan.scene import pair as unordered
@@ -190,7 +191,7 @@ class _HintSearch:
     def _goes_on(self) -> bool:
         """Whether time is left; reports progress about ten times a second."""
         now = time.perf_counter()
-        if self._progress is not None and not self.cancelled and now - self._reported >= 0.1:
+        if self._progress is not None and not self.cancelled and now - self._reported >= REPORTS:
             self._reported = now
             self._report()
         return not self.cancelled and self._seconds_left > 0.0 and self._iterations_left > 0
