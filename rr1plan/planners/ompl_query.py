@@ -94,17 +94,18 @@ class Watch:
         self.deadline = self.began + self.budget.seconds
         self.most = np.inf if self.budget.iterations is None else self.budget.iterations
 
-    def look(self) -> None:
-        """One termination check: update counter, clock, cost and cancellation."""
+    def is_over(self) -> bool:
+        """The termination condition; updates counter, clock, cost and cancellation."""
         self.checks += 1
         self._states = 0
         if self.best_cost is not None:
             self.note(self.best_cost())
         if self.checks >= self.most or time.perf_counter() >= self.deadline:
             self.over = True
-        self._ask()
+        self._check_cancelled()
+        return self.over
 
-    def _ask(self) -> None:
+    def _check_cancelled(self) -> None:
         """End the search if `goes_on` cancels it."""
         if self.goes_on is not None and not self.goes_on():
             self.over = self.cancelled = True
@@ -128,16 +129,11 @@ class Watch:
 
         return call
 
-    def is_over(self) -> bool:
-        """The termination condition."""
-        self.look()
-        return self.over
-
     def in_time(self) -> bool:
         """Whether time is left for a state or edge check, for searches that rarely evaluate `is_over`."""
         self._states += 1
         if self._states % _STATES == 0:
-            self._ask()
+            self._check_cancelled()
         if self._states >= _MOST_STATES or time.perf_counter() >= self.deadline:
             self.over = True
         return not self.over
