@@ -22,7 +22,7 @@ from scipy.sparse import csr_array
 from rr1plan.checks import Array, Value, counted, near_array, number_from_zero, of_kind, read_only, shape_of
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.model.joint_turns import TURN, rotary
+from rr1plan.model.joint_turns import difference, rotary
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -104,11 +104,7 @@ class Corridor(Value):
         values, others = near_array("q", q, shape), near_array("planned", planned, shape)
         if values.shape != others.shape:
             raise InputError(f"q and planned have shapes {values.shape} and {others.shape}, expected the same")
-        return self._deviation(values, others)
-
-    def _deviation(self, q: Array, planned: Array) -> Array:
-        off = q - planned
-        return np.where(self.rotary, off - TURN * np.round(off / TURN), off)
+        return difference(values, others, self.rotary)
 
     def position(self, q: ArrayLike, *, displacement: float = 0.0) -> CorridorPosition:
         """The position of a configuration in the corridor, at the sample of the motion with the smallest used share.
@@ -122,7 +118,7 @@ class Corridor(Value):
             InputError: wrong shape, not finite or too large, or a negative displacement.
         """
         displacement = number_from_zero("displacement", displacement)
-        off = np.abs(self._deviation(near_array("q", q, (len(self.joint_names),)), self.configurations))
+        off = np.abs(difference(near_array("q", q, (len(self.joint_names),)), self.configurations, self.rotary))
         if not self.pairs:
             return CorridorPosition(0.0, float(self.times[np.argmin(off.max(axis=1, initial=0.0))]), ())
 

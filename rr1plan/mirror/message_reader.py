@@ -12,7 +12,7 @@ from rr1plan.checks import FARTHEST, Array
 from rr1plan.export.ros_trajectories import columns_by_name
 from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.mirror.sender_clock import SenderClock
-from rr1plan.model.joint_turns import TURN
+from rr1plan.model.joint_turns import difference
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.scene import Scene
 
@@ -116,9 +116,9 @@ class MessageReader:
         """Store positions of joints at a time; returns a fault if one jumps from its previous position."""
         newer = now > self.times[joints]  # another sender may have joints of this one, too
         joints, positions = joints[newer], positions[newer]
-        elapsed, moved = now - self.times[joints], positions - self.positions[joints]
+        elapsed = now - self.times[joints]
         # Positions of endless joints may be reported within one turn.
-        moved = np.abs(np.where(self._endless[joints], moved - TURN * np.round(moved / TURN), moved))
+        moved = np.abs(difference(positions, self.positions[joints], self._endless[joints]))
         self.positions[joints], self.times[joints] = positions, now
         # Joints that mimic others follow them, unless they are measured, too.
         assumed = self.times == -math.inf

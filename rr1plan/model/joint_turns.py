@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, finite_array, finite_number, of_kind
+from rr1plan.checks import Array, finite_array, finite_number, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.robot.robot import independent_joint
@@ -34,9 +34,7 @@ def rotary(robot: Robot) -> NDArray[np.bool_]:
         whole = follower.kind != "prismatic" and multiplier == round(multiplier)
         if leader is not follower and leader.name in turns and not whole:
             turns[leader.name] = False
-    mask = np.array(list(turns.values()), dtype=np.bool_)
-    mask.setflags(write=False)
-    return mask
+    return read_only(np.array(list(turns.values()), dtype=np.bool_))
 
 
 def nearest_copy(robot: Robot, q: Array, near: Array) -> Array:
@@ -84,7 +82,7 @@ def copies_within_limits(robot: Robot, q: Array, near: Array, *, reach: float = 
     return np.asarray(copies[np.argsort(np.linalg.norm(copies - near, axis=1), kind="stable")])
 
 
-def difference(robot: Robot, a: Array, b: Array) -> Array:
-    """The smallest a - b modulo whole turns of rotary joints, shape (..., nq)."""
+def difference(a: Array, b: Array, turning: NDArray[np.bool_]) -> Array:
+    """The smallest a - b modulo whole turns of the turning joints, shape (..., nq)."""
     d = a - b
-    return np.where(rotary(robot), d - TURN * np.round(d / TURN), d)
+    return np.where(turning, d - TURN * np.round(d / TURN), d)

@@ -12,6 +12,7 @@ from rr1plan.checks import Array, Seed, shown
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import PlannerError, Rr1PlanError
 from rr1plan.model.inverse_kinematics import describe_excess
+from rr1plan.model.joint_turns import difference
 from rr1plan.path import Path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.robot import Robot
@@ -104,9 +105,7 @@ def _edge_fault(problem: Problem, points: Array) -> str:
 def _miss(goal: Goal, robot: Robot, base: Array, q: Array) -> str:
     """How far an arm at q (nq,) is from a goal, as a message; empty if it is reached."""
     if isinstance(goal, JointGoal):
-        off = q - goal.q
-        off = np.where(robot.continuous, np.arctan2(np.sin(off), np.cos(off)), off)
-        most = float(np.abs(off).max(initial=0.0))
+        most = float(np.abs(difference(q, goal.q, robot.continuous > 0.0)).max(initial=0.0))
         return "" if most <= _EQUAL else f"the last waypoint is {most:.3g} rad (or m) from it"
     T = base @ robot.link_poses(q)[frame_link(robot, goal.frame)]
     if isinstance(goal, PoseGoal):

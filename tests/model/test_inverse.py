@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import rr1plan as rp
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.model import Kinematics, solve_ik
-from rr1plan.model.joint_turns import difference
+from rr1plan.model.joint_turns import difference, rotary
 from rr1plan.scene import Arm, Scene
 from rr1plan.scene.problem import PoseGoal, RegionGoal
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_angle
@@ -40,7 +40,7 @@ def test_both_elbow_solutions_of_the_planar_arm_are_found_exactly(planar2r, angl
         closed.append(np.array([shoulder, e]))
     assert len(result.solutions) == 2
     for expected in closed:
-        off = np.abs(difference(planar2r, result.solutions, expected)).max(axis=1)
+        off = np.abs(difference(result.solutions, expected, rotary(planar2r))).max(axis=1)
         assert off.min() < 1e-7
 
 
@@ -117,7 +117,7 @@ def test_solutions_of_a_redundant_arm_are_apart(redundant_arm):
     assert len(solutions) > 10
     for k, a in enumerate(solutions):
         for b in solutions[:k]:
-            assert np.abs(difference(redundant_arm, a, b)).max() > 0.2
+            assert np.abs(difference(a, b, rotary(redundant_arm))).max() > 0.2
 
 
 def test_a_finger_does_not_make_an_arm_redundant(wrist_arm):
