@@ -56,6 +56,11 @@ def arms_of(joint_names: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name.split("/", 1)[0] for name in joint_names))
 
 
+def edge_lengths(waypoints: Array) -> Array:
+    """Length of each edge of a path (n, nq) [rad or m], shape (n - 1,)."""
+    return np.asarray(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))
+
+
 @dataclass(frozen=True, eq=False)
 class Path(Value):
     """Waypoints joined by straight lines in joint space.

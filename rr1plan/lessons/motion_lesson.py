@@ -17,7 +17,7 @@ from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, fastest_motion, pa
 from rr1plan.lessons.search.shortcut_steps import Shortcut, record_shortcuts
 from rr1plan.lessons.search.tree_growth import grow_rrt_connect
 from rr1plan.lessons.seven_phases import PHASES, seven_phases
-from rr1plan.path import Path
+from rr1plan.path import Path, edge_lengths
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
@@ -239,9 +239,7 @@ def _label(name: str, unit: str, rate: str = "") -> str:
 
 def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
     start = tuple(lesson.problem.start.tolist())
-    before, after = (
-        float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()) for q in (lesson.raw, lesson.path.waypoints)
-    )
+    before, after = (float(edge_lengths(q).sum()) for q in (lesson.raw, lesson.path.waypoints))
     taken = sum(shortcut.free for shortcut in lesson.shortcuts)
     a, j = float(lesson.limits.acceleration[0]), float(lesson.limits.jerk[0])
     found, unit = lesson.durations, lesson.unit

@@ -34,6 +34,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from rr1plan.checks import Array, finite_number, known_name
 from rr1plan.errors import BackendError, InputError
+from rr1plan.path import edge_lengths
 from rr1plan.planners.ompl_query import OmplQuery, OmplResult, Watch, interrupts_kept
 from rr1plan.planning import SearchTree
 from rr1plan.thread_locks import per_process
@@ -315,7 +316,7 @@ def _search_roadmap(
         watch.over = watch.over or now >= watch.deadline
         if result.waypoints is None:
             continue
-        length = float(np.linalg.norm(np.diff(result.waypoints, axis=0), axis=1).sum())
+        length = float(edge_lengths(result.waypoints).sum())
         watch.note(length)
         if not optimizing or length <= _optimal_length(query):
             break

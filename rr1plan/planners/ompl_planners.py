@@ -9,11 +9,10 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import MappingProxyType
 
-import numpy as np
-
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, of_kind, true_or_false
 from rr1plan.errors import MissingPackageError
 from rr1plan.model.joint_space import Space, with_copies
+from rr1plan.path import edge_lengths
 from rr1plan.planners.ompl_query import OmplQuery, OmplResult, Watch
 from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
@@ -152,7 +151,7 @@ class _Search:
         if not certified:
             reason = "a path was found, but the certificate of an edge failed when it was repeated"
             return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
-        self.watch.note(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
+        self.watch.note(edge_lengths(found).sum())
         return query.result(PlanStatus.FOUND, found, tree=tree)
 
     def run_ompl(self) -> OmplResult:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.path import Path
+from rr1plan.path import Path, edge_lengths
 from rr1plan.retiming import retime
 from rr1plan.sequences.segment_options import PlannedSegment
 from rr1plan.sequences.segments import FreeMotion, StraightLine
@@ -70,7 +70,7 @@ def _timed_together(run: Sequence[PlannedSegment]) -> list[PlannedSegment]:
     margin = min(motion.margin for motion in motions)
     with checker_from_pool(scene, path.arms, margin) as checker:
         trajectory = retime(path, scene, checker=checker)
-    lengths = np.array([float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum()) for part in points])
+    lengths = np.array([float(edge_lengths(part).sum()) for part in points])
     shares = lengths.cumsum() / lengths.sum()
     cuts = [0.0, *_ends(trajectory, [part[-1] for part in points[:-1]], shares[:-1]), trajectory.end_time]
     if not (np.diff(cuts) > 0.0).all():
@@ -87,7 +87,7 @@ def _ends(trajectory: Trajectory, corners: Sequence[Array], shares: Array) -> li
     within = np.diff(breaks)[:, None] * np.arange(_PER_PIECE) / _PER_PIECE
     times = np.append((breaks[:-1, None] + within).ravel(), breaks[-1])
     q = trajectory(times)
-    way = np.concatenate([[0.0], np.linalg.norm(np.diff(q, axis=0), axis=1).cumsum()])
+    way = np.concatenate([[0.0], edge_lengths(q).cumsum()])
     found = []
     for corner, share in zip(corners, shares.tolist(), strict=True):
         off = np.linalg.norm(q - corner, axis=1)

@@ -10,6 +10,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Value, read_only
 from rr1plan.lessons.search.search_space import SearchSpace
+from rr1plan.path import edge_lengths
 
 SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED, FOUND = (
     "sample",
@@ -126,7 +127,7 @@ class SearchRecorder:
     def add_path(self, vertices: Sequence[int]) -> None:
         """Record a path over vertices if it is shorter than the best one so far."""
         points = self.space.unwrapped(np.array([self.vertices[v] for v in vertices]))
-        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        length = float(edge_lengths(points).sum())
         if length < self.best - 1e-9:
             self.best = length
             self._paths.append((len(self._steps), read_only(points)))

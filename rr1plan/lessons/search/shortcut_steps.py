@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Seed, as_generator, finite_array, whole_number
 from rr1plan.collision import CollisionChecker
+from rr1plan.path import edge_lengths
 
 
 class Shortcut(NamedTuple):
@@ -47,7 +48,7 @@ def record_shortcuts(
     path = np.array(finite_array("waypoints", waypoints, (None, checker.nq)))
     tries, generator, found = whole_number("tries", tries, 1, 10_000), as_generator(rng), []
     for _ in range(tries):
-        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+        lengths = np.concatenate([[0.0], np.cumsum(edge_lengths(path))])
         first, second = np.sort(generator.uniform(0.0, lengths[-1], 2))
         begin, end = (np.array([np.interp(at, lengths, column) for column in path.T]) for at in (first, second))
         free = checker.edge_is_free(begin, end)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.path import edge_lengths
 from rr1plan.robot.joint_limits import Limits
 
 # Standard deviation of the displacement of a waypoint, as a share of the path length.
@@ -34,7 +35,7 @@ def changed_waypoints(waypoints: Array, limits: Limits, rng: np.random.Generator
         return _shortcut(waypoints, rng)
     if kind == _STRAIGHTEN:
         return _straightened(waypoints, rng)
-    length = float(np.linalg.norm(np.diff(waypoints, axis=0), axis=1).sum())
+    length = float(edge_lengths(waypoints).sum())
     size = _DISPLACEMENT * length * rng.random()
     if kind == _MOVE:
         row = 1 + int(rng.integers(len(waypoints) - 2))
@@ -66,7 +67,7 @@ def _straightened(waypoints: Array, rng: np.random.Generator) -> Array:
 
 def _random_point(waypoints: Array, rng: np.random.Generator) -> tuple[int, Array]:
     """A random point on the polyline, and the row of the waypoint after it."""
-    borders = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))])
+    borders = np.concatenate([[0.0], np.cumsum(edge_lengths(waypoints))])
     at = rng.random() * borders[-1]
     row = min(int(np.searchsorted(borders, at, side="right")), len(waypoints) - 1)
     length = borders[row] - borders[row - 1]

@@ -13,6 +13,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 from rr1plan.checks import Array
+from rr1plan.path import edge_lengths
 from rr1plan.playback.cspace.cspace_colors import INK, is_light
 
 _GAP = 2.0  # around a name [px]
@@ -35,7 +36,7 @@ def along(points: Array, count: int) -> Array:
     """`count` points evenly along a polyline (k, 2), ends included."""
     if len(points) == 1:
         return np.repeat(points, count, axis=0)
-    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    lengths = np.concatenate([[0.0], np.cumsum(edge_lengths(points))])
     where = np.linspace(0.0, lengths[-1], count)
     return np.column_stack([np.interp(where, lengths, points[:, k]) for k in range(points.shape[1])])
 

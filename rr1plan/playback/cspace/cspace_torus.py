@@ -15,6 +15,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
+from rr1plan.path import edge_lengths
 from rr1plan.playback.cspace.cspace_colors import (
     FAINT,
     GOAL,
@@ -185,10 +186,10 @@ def _draw_tree(axes: Axes, cspace: CSpaceQuery, tree: DrawnTree) -> None:
 
 
 def _draw_path(axes: Axes, path: Array, grid: CSpaceGrid) -> None:
-    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    length = edge_lengths(path).sum()
     done = 0.0
     for piece in wrapped_pieces(path, grid):
-        own = float(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum())
+        own = float(edge_lengths(piece).sum())
         axes.add_collection(gradient(piece, 3.4, color="white", zorder=3))
         axes.add_collection(gradient(piece, 2.0, done / length, (done + own) / length, zorder=4))
         done += own
