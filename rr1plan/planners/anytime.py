@@ -8,7 +8,7 @@ The path length converges almost surely to the infimum over paths with positive 
 random, so infinitely many rounds have a bound between the infimum and any larger length; the sample limits follow
 Luby's sequence, so infinitely many of these rounds exceed any number of samples; and the probability that a
 round finds a path below its bound tends to one with its number of samples. Poses and regions are reached in many
-configurations, so each round after the first path also searches for nearer ones.
+configurations, so later rounds also search for nearer ones.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class _Rounds:
         number = 0
         while query.goes_on() and not query.separated and self.may_improve():
             number += 1
-            if self.best is not None:
+            if self.best is not None and self.looks_for_goals(number):
                 self.add_nearer_goals()
             if self.search.connect(*self.plan_round(number)):
                 self.improve(self.search.trees.path())
@@ -103,6 +103,14 @@ class _Rounds:
     def may_improve(self) -> bool:
         """Whether a path shorter than the best one may exist."""
         return not self.query.has_all_goals or self.length > self.straight * _STRAIGHT
+
+    def looks_for_goals(self, number: int) -> bool:
+        """Whether a round begins with a search for nearer goals.
+
+        Rounds of one arm always do. Combinations of the goals of several arms take thousands of collision checks, so
+        only the rounds 1, 2, 4, 8, ... do.
+        """
+        return len(self.query.problem.arms) == 1 or number & (number - 1) == 0
 
     def add_nearer_goals(self) -> None:
         """Add further configurations of poses and regions, if a path to them may be shorter than the best one."""
