@@ -181,7 +181,7 @@ def plan_many_arms(
             limit the searches for the first path of each arm, and the rounds of each group: one, and another for each
             doubling beyond 2,000 iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
-            not at all). Makespan first, then the sum of all arrival times.
+            not at all). Makespan first, then the sum of all arrival times; the goal configurations stay the same.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
             arrival times (`GroupResult.suboptimality`) that holds before `improvement`, for the goal configurations
             that were found.
