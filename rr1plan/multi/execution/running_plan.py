@@ -195,7 +195,8 @@ class RunningPlan(Value):
     def without_past(self, time: float) -> RunningPlan:
         """The plan from a time on, for plans that run without end: all before it is deleted.
 
-        `add_motion` takes the result for times from there on, `plan_graph` does not take it.
+        `add_motion` takes the result for times from there on, `plan_graph` does not take it, and `validate` reports
+        that arms that move at that time do not begin at rest.
 
         Args:
             time: The time [s]; times before the beginning of the plan delete nothing.
