@@ -60,6 +60,6 @@ def parse_archive(data: bytes) -> Arrays:
 
 def archive_bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     """The content of a .npz file of arrays by name, compressed."""
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **dict(arrays))  # type: ignore[arg-type]  # numpy's stub mistakes ** for options
+    stream, by_name = io.BytesIO(), dict[str, Any](arrays)
+    np.savez_compressed(stream, **by_name)
     return stream.getvalue()
