@@ -96,7 +96,10 @@ def target_flags(variant: str) -> list[str]:
     if own_compiler():
         return [f"-march=x86-64-v{level}", *wide] if level else []
     system = _SYSTEMS[sys.platform][0]
-    return ["-target", f"{machine()}-{system}", *([f"-mcpu={variant}"] if level else []), *wide]
+    # The kernels need nothing of zig's run-time library, which takes seconds to compile for each variant; only
+    # Windows checks the stack with it.
+    library = [] if sys.platform == "win32" else ["-rtlib=none"]
+    return ["-target", f"{machine()}-{system}", *([f"-mcpu={variant}"] if level else []), *wide, *library]
 
 
 def compile_kernels(unit: Path, out: Path, *flags: str, compiler: list[str] | None = None) -> None:
