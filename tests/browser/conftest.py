@@ -38,9 +38,10 @@ NO_WEBGL = """
     };
 """
 
+# A canvas that is not even cleared is not copied into the page in every frame.
 NO_DRAWING = """
-    for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"])
-        WebGL2RenderingContext.prototype[name] = () => {};
+    const drawing = ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"];
+    for (const name of ["clear", "blitFramebuffer", ...drawing]) WebGL2RenderingContext.prototype[name] = () => {};
 """
 
 
