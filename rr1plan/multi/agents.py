@@ -24,7 +24,7 @@ from rr1plan.retiming.path_blends import clean
 from rr1plan.retiming.torque_limits import InverseDynamics
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
-from rr1plan.scene.problem import Problem, subproblem
+from rr1plan.scene.problem import JointGoal, Problem, subproblem
 from rr1plan.scene.subscene import subscene
 
 
@@ -169,6 +169,13 @@ class Agent:
     def split(self, q: Array) -> dict[str, Array]:
         """The configuration of each of its arms: parts of q, shape (nq,)."""
         return {name: q[columns] for name, columns in self.columns.items()}
+
+    def to(self, goal: Array) -> Agent:
+        """The same arms with another goal configuration, shape (nq,)."""
+        problem = self.problem
+        starts = {name: problem.start[columns] for name, columns in problem.columns.items()}
+        goals = {**problem.goal, **{name: (JointGoal(q),) for name, q in self.split(goal).items()}}
+        return Agent(Problem(problem.scene, starts, goals, arms=problem.arms), self.arms, self.timing)
 
     def check_limits(self, points: Array) -> None:
         """Check that the joints that move between waypoints (n, nq) have the limits that the timing needs.

@@ -40,6 +40,7 @@ from rr1plan.multi.search.agent_schedules import AgentSchedules, Statistics
 from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.improvement import PlanImprover
+from rr1plan.multi.search.nearer_goals import NearerGoals
 from rr1plan.multi.search.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
@@ -181,7 +182,7 @@ def plan_many_arms(
             limit the searches for the first path of each arm, and the rounds of each group: one, and another for each
             doubling beyond 2,000 iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
-            not at all). Makespan first, then the sum of all arrival times; the goal configurations stay the same.
+            not at all). Makespan first, then the sum of all arrival times. Nearer goal configurations are searched.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
             arrival times (`GroupResult.suboptimality`) that holds before `improvement`, for the goal configurations
             that were found.
@@ -247,7 +248,8 @@ def plan_many_arms(
     agents = [*found.agents.values(), *(schedule.path.agent for schedule in schedules)]
     plan = AgentSchedules(agents, found.margins, near, diagrams, watch)
     plan.schedules = {schedule.path.agent: schedule for schedule in schedules}
-    improver = PlanImprover(plan, alone, generator)
+    goals = {arm: NearerGoals(Agent(problem, [arm], timing), seeds[arm]) for arm in found.chosen}
+    improver = PlanImprover(plan, alone, generator, goals)
     first, planned_after = improver.quality, watch.seconds
     if improvement is not None:
         with watch:

@@ -109,6 +109,31 @@ def test_a_motion_that_waits_gets_shorter() -> None:
     assert result.ratio < 1.05
 
 
+@pytest.mark.parametrize("gap", [0.8, 3.0])
+def test_nearer_configurations_of_positions_are_found(gap: float) -> None:
+    alone = rp.load_problems("rr1_cluttered")["into_the_rack"]
+    (aim,) = alone.goal["rr1"]
+    assert isinstance(aim, rp.PoseGoal)
+    scene, goals = rp.Scene(), {}
+    for k in range(2):
+        aside = rp.transforms.pose([gap * k, 0.0, 0.0])
+        scene = scene.with_arm(f"arm{k}", alone.scene.arms["rr1"].robot, aside @ alone.scene.arms["rr1"].base)
+        for name, obstacle in alone.scene.obstacles.items():
+            scene = scene.with_obstacle(f"{name}{k}", obstacle.geometries, aside @ obstacle.pose)
+        goals[f"arm{k}"] = rp.PoseGoal(aim.frame, aim.position + np.array([gap * k, 0.0, 0.0]))
+    problem = rp.Problem(scene, dict.fromkeys(goals, alone.start), goals)
+    result = plan_many_arms(problem, rng=0, budget=_BUDGET, improvement=_moves(200))
+    assert result.trajectory is not None
+    assert result.first is not None
+    assert result.makespan < 0.85 * result.first.makespan
+    report = rp.validate(result.trajectory, problem.scene, problem)
+    assert report.certified
+    assert "goal" in report.checked
+    again = plan_many_arms(problem, rng=0, budget=_BUDGET, improvement=_moves(200)).trajectory
+    assert again is not None
+    np.testing.assert_array_equal(again.coefficients, result.trajectory.coefficients)
+
+
 def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:
     """An improver of the plan in which all arms move one at a time, as they are found."""
     agent, watch, generator = Agent(problem, problem.arms), Stopwatch(math.inf), np.random.default_rng(rng)

@@ -24,7 +24,9 @@ from rr1plan.multi.paths.composite_waypoints import composite_waypoints
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
+from rr1plan.multi.preflight import affordable_margin
 from rr1plan.multi.search.agent_schedules import AgentSchedules
+from rr1plan.multi.search.nearer_goals import NearerGoals
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.timing.schedule import Schedule
@@ -40,8 +42,9 @@ _PATHS = 6
 _SHORTCUTS = 120
 # New paths slower than the plan by more than this ratio are not refined, because refinement saves less.
 _WORTH_REFINING = 1.5
-# Probabilities of choosing the agent that arrives last, and of adding a new path to a neighborhood.
-_LAST_FIRST, _NEW_PATH = 0.7, 0.5
+# Probabilities of choosing the agent that arrives last, of adding a new path to a neighborhood, and of ending it at
+# another goal configuration of an arm.
+_LAST_FIRST, _NEW_PATH, _NEW_GOAL = 0.7, 0.5, 0.5
 # Moves between two removals of unused diagrams.
 _FORGET_EVERY = 32
 # Smaller improvements are considered rounding errors [ratio].
@@ -55,6 +58,7 @@ class PlanImprover:
         plan: Schedules of all agents, certified against each other, which it changes.
         bounds: Duration of the fastest known motion of each arm alone [s].
         rng: Source of random numbers.
+        goals: Other goal configurations of each arm that may have some.
 
     Attributes:
         plan: Like the argument; improved by each accepted move.
@@ -63,8 +67,14 @@ class PlanImprover:
         history: Time of the plan's stopwatch and makespan [s] at each reduction of the makespan.
     """
 
-    def __init__(self, plan: AgentSchedules, bounds: Mapping[str, float], rng: np.random.Generator) -> None:
-        self.plan, self.bounds, self._rng = plan, dict(bounds), rng
+    def __init__(
+        self,
+        plan: AgentSchedules,
+        bounds: Mapping[str, float],
+        rng: np.random.Generator,
+        goals: Mapping[str, NearerGoals] | None = None,
+    ) -> None:
+        self.plan, self.bounds, self._rng, self._goals = plan, dict(bounds), rng, goals or {}
         self.iterations = 0
         self.history: list[tuple[float, float]] = []
         self._paths: dict[Agent, list[AgentPath]] = {}
@@ -122,8 +132,8 @@ class PlanImprover:
         return max(arrivals, default=0.0), per_arm
 
     def _is_best(self) -> bool:
-        """Whether each arm moves separately, on a straight line and without waiting."""
-        return all(
+        """Whether each arm moves separately, on a straight line, without waiting, to its only goal configuration."""
+        return not self._goals and all(
             len(agent.arms) == 1 and s.arrival == s.path.fastest and len(clean(s.path.path.waypoints)) <= 2
             for agent, s in self.plan.schedules.items()
         )
@@ -235,7 +245,10 @@ class PlanImprover:
         return self._schedule_in_turn([first, *others], makespan)
 
     def _find_path(self, agent: Agent) -> None:
-        """One more path of an agent of few arms: around goals or starts of those in its way, or at random."""
+        """One more path of an agent of few arms: around goals or starts of those in its way, or at random.
+
+        It may end at another goal configuration.
+        """
         if len(agent.arms) > _MOST_TOGETHER:
             return
         standing: dict[str, Array | None] = {}
@@ -244,10 +257,25 @@ class PlanImprover:
             for other in self._in_the_way(agent):
                 path = self.plan.schedules[other].path
                 standing.update(other.split((path.goal, path.start)[kind]))
-        pool = PathPool(agent, self.plan.margin_of(agent), self._rng, self.plan.watch)
-        path_found, _ = pool.add(standing, detour=kind == 2)
+        aimed, margin = agent, self.plan.margin_of(agent)
+        if not self._goals.keys().isdisjoint(agent.arms):
+            goal = self._drawn_goal(agent)
+            aimed = agent.to(goal)
+            margin = affordable_margin(aimed, goal, margin)
+        path_found, _ = PathPool(aimed, margin, self._rng, self.plan.watch).add(standing, detour=kind == 2)
         if path_found is not None:
-            self._remember(path_found)
+            self._remember(path_found.of(agent))
+
+    def _drawn_goal(self, agent: Agent) -> Array:
+        """The goal configuration of an agent's schedule, with random nearer ones of some of its arms, shape (nq,)."""
+        schedule = self.plan.schedules[agent]
+        goal: Array = schedule.path.goal.copy()
+        for arm, columns in agent.columns.items():
+            if arm in self._goals and self._rng.random() < _NEW_GOAL:
+                nearer = self._goals[arm].before(schedule.arrival)
+                if len(nearer):
+                    goal[columns] = self._rng.choice(nearer)
+        return goal
 
     def _change_path(self) -> bool:
         """Change the path of an agent at random and reschedule it, then the agents that may arrive earlier."""
