@@ -122,7 +122,7 @@ def test_pages_that_open_later_obey_the_commands_so_far(tab: Any, flat: rp.Scene
         viewer.set_speed(3.0)
         viewer.seek(0.5)
         viewer.pause()
-        tab.open(viewer.url, f"{CONNECTED} && RR1.live.count === 3")
+        tab.open(viewer.url, f"{CONNECTED} && RR1.live.count === 3", plays=True)
         assert tab.ask("[RR1.player.speed, RR1.time, RR1.playing]") == [3, 0.5, False]
         # They are not repeated after a reconnection, which would undo what the user has changed since.
         tab.ask(
@@ -138,7 +138,7 @@ def test_pages_that_open_later_obey_the_commands_so_far(tab: Any, flat: rp.Scene
         wait_until(tab.page, "RR1.player.speed === 2")
         assert tab.ask("RR1.time") == 0.25
         viewer.load(flat, trajectory=still)
-        tab.open(viewer.url, f"{CONNECTED} && RR1.player.speed === 2")
+        tab.open(viewer.url, f"{CONNECTED} && RR1.player.speed === 2", plays=True)
         assert tab.ask("RR1.playing")
     assert tab.complaints == []
 

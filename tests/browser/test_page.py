@@ -495,10 +495,10 @@ def test_a_motion_starts_by_itself_unless_the_reader_wants_less_motion(
     scene = rp.Scene().with_arm("arm", planar2r)
     motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 9.0], [[0.0, 0.0], [1.0, 1.0]])
     page = save_html(tmp_path / "page.html", scene, trajectory=motion, options=rp.ViewOptions(planner=False))
-    tab.open(page)
+    tab.open(page, plays=True)
     assert tab.ask("RR1.playing")
     tab.page.emulate_media(reduced_motion="reduce")
-    tab.open(page)
+    tab.open(page, plays=True)
     tab.next_frames()
     assert not tab.ask("RR1.playing")
     assert tab.ask("RR1.time") == 0.0

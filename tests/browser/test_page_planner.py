@@ -455,7 +455,7 @@ def test_without_simd_a_page_plays_as_ever(browser: Any, tmp_path: Path) -> None
     tab = Tab(browser.new_page())
     tab.page.add_init_script("WebAssembly.validate = () => false;")
     problem = rp.load_problems("planar2r_path")["over_the_seam"]
-    tab.open(rp.plan_motion(problem, rng=0).save_html(tmp_path / "motion.html"))
+    tab.open(rp.plan_motion(problem, rng=0).save_html(tmp_path / "motion.html"), plays=True)
     tab.page.wait_for_function("() => RR1.noPlanner")
     assert tab.ask("[RR1.planner, RR1.noPlanner]") == [None, "this browser has no WebAssembly SIMD"]
     assert tab.ask("RR1.playing && RR1.duration > 0")
