@@ -60,6 +60,13 @@ def test_a_motion_that_begins_later_has_its_own_clock(two: rp.Scene) -> None:
     assert line.numbers["b"] == 1
 
 
+def test_rests_of_less_than_a_millisecond_are_not_listed(two: rp.Scene) -> None:
+    breaks, rates = [0.0, 1.0, 1.0 + 4e-4, 2.0, 2.002, 3.0], [[0.1, 0.1], [0.0, 0.0]] * 2 + [[0.1, 0.1]]
+    line = rp.timeline(moving(two.joint_names(["b"]), breaks, rates), two)
+    assert line.waits == (rp.Wait("b", 2.0, 2.002),)
+    assert line.waiting == pytest.approx(0.002)
+
+
 def test_contacts_of_a_report_are_marked(two: rp.Scene, tmp_path: Path) -> None:
     names = two.joint_names()
     swing = moving(names, [0.0, 4.0], [[0.0, 0.0, 0.7, 0.0]])

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel
 
 _STILL = 1e-9  # rates below this are rest [rad or m per power of a second]
+_SHORTEST = 1e-3  # texts have milliseconds: shorter rests would read as rests of no length [s]
 
 
 class Timeline(TimelineRows):
@@ -136,9 +137,9 @@ def _motions(trajectory: Trajectory, columns: list[int]) -> tuple[Interval, ...]
 
 
 def _gaps(motions: tuple[Interval, ...], start: float) -> list[Interval]:
-    """The rests before, and between, motions."""
+    """The rests before, and between, motions, without those too short to mention."""
     ends = [start, *(end for _, end in motions)]
-    return [(end, begin) for end, (begin, _) in zip(ends, motions, strict=False) if begin > end]
+    return [(end, begin) for end, (begin, _) in zip(ends, motions, strict=False) if begin - end >= _SHORTEST]
 
 
 def _whom(arm: str, gap: Interval, waits: Iterable[Wait]) -> tuple[str, ...]:
