@@ -10,8 +10,8 @@ import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
 from rr1plan.cli.exit_codes import INVALID_PLAN, OK
 from rr1plan.cli.picture_files import check_page, check_video, write_replay
-from rr1plan.cli.scene_options import check_scene_name, refuse_sequence
-from rr1plan.cli.standard_input import readable_file
+from rr1plan.cli.scene_options import check_file_exists, check_scene_name, refuse_sequence
+from rr1plan.cli.standard_input import STANDARD_INPUT, readable_file
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene, scene_names
@@ -81,6 +81,8 @@ def saved_motion(
         if scene is None and options.scene is not None:
             check_scene_name(options.scene)
             scene = load_scene(options.scene)
+    if file != STANDARD_INPUT:
+        check_file_exists(file)
     refuse_sequence(file)
     path = Path(file)
     if path.suffix.lower() == ".toml" or (file in scene_names() and not path.exists()):

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.checks import known_name
-from rr1plan.errors import InputError
+from rr1plan.checks import file_path, known_name
+from rr1plan.errors import FormatError, InputError
 from rr1plan.export.motion_files import is_motion_file
+from rr1plan.files.documents import read_json
+from rr1plan.files.file_access import content_suffix
 from rr1plan.scene.model_library import installed_robot_names, load_problems, robot_names, scene_names
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_toml import SceneFile
@@ -23,12 +25,15 @@ def check_scene_name(name: str) -> None:
     """Reject robots, motions, recordings and sequences in place of a scene; the message names commands that take them.
 
     Raises:
-        InputError: not a scene.
+        InputError: not a scene, or a file that does not exist.
     """
     file = Path(name)
     if name in scene_names():
         return
-    if name in (*robot_names(), *installed_robot_names()) or file.suffix.lower() in ROBOT_SUFFIXES:
+    is_robot = name in (*robot_names(), *installed_robot_names())
+    if not is_robot:
+        check_file_exists(name)
+    if is_robot or file.suffix.lower() in ROBOT_SUFFIXES:
         raise InputError(
             f"{name} is a robot, expected a scene: a file with the lines [arms.NAME] and robot = {name!r}; to see the "
             f"robot: rr1plan view {name}"
@@ -36,11 +41,24 @@ def check_scene_name(name: str) -> None:
     if file.is_file() and file.suffix.lower() == ".jsonl":
         raise InputError(f"{name} is a recording, expected a scene; to see it: rr1plan mirror {name}")
     if file.is_file() and is_motion_file(name):
+        if content_suffix(name) == ".json" and read_json(name).raw("format", None) != "rr1plan":
+            raise InputError(f"{name} is JSON without a motion, expected a scene")
         raise InputError(
             f"{name} holds a motion, expected a scene; to see it: rr1plan view {name}, to check it: rr1plan validate "
             f"{name}"
         )
     refuse_sequence(name)
+
+
+def check_file_exists(name: str) -> None:
+    """Reject names that can only be those of files, with a suffix or a folder, if there is no such file.
+
+    Raises:
+        FormatError: no such file.
+    """
+    file = file_path(name)
+    if (file.suffix or len(file.parts) > 1) and not file.exists():
+        raise FormatError("there is no such file", file)
 
 
 def refuse_sequence(name: str) -> None:

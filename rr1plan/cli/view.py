@@ -15,6 +15,7 @@ from rr1plan.cli.plan import report_no_plan, summary
 from rr1plan.cli.saved_motions import saved_motion, say_changes
 from rr1plan.cli.scene_options import (
     ROBOT_SUFFIXES,
+    check_file_exists,
     check_scene_name,
     named_query,
     page_options,
@@ -153,8 +154,10 @@ def _scene_or_robot(what: str) -> rp.Scene:
     """A scene by name or from a file; of a robot, a scene with the robot alone."""
     known = (*scene_names(), *robot_names(), *installed_robot_names())
     file = Path(what)
-    if not file.suffix and len(file.parts) == 1 and not file.exists():
-        known_name("scene or robot", what, known)
+    if what not in known:
+        check_file_exists(what)
+        if not file.exists():
+            known_name("scene or robot", what, known)
     if what in scene_names() or (what not in known and file.suffix.lower() not in ROBOT_SUFFIXES):
         return load_scene(what)
     robot = load_robot(what)

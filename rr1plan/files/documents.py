@@ -51,7 +51,10 @@ def read_json(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
     Raises:
         FormatError: the file cannot be read, is not JSON, or is nested deeper than 100.
     """
-    return Table(_parse(read_text(file, max_bytes), file, "JSON, or was cut off", json.loads), file)
+    text = read_text(file, max_bytes)
+    if not text.strip():
+        raise FormatError("is not JSON, or was cut off: it is empty", file)
+    return Table(_parse(text, file, "JSON, or was cut off", json.loads), file)
 
 
 def read_yaml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:

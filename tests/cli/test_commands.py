@@ -90,12 +90,16 @@ def test_questions_may_be_asked_in_many_ways(
     ("arguments", "words"),
     [
         (["plan", "rr1_tabel"], "unknown scene 'rr1_tabel'. Did you mean 'rr1_table'"),
-        (["plan", "missing.toml"], "missing.toml"),
+        (["plan", "missing.toml"], "missing.toml: there is no such file"),
+        (["plan", "missing.json"], "missing.json: there is no such file"),
+        (["cspace", "missing.urdf"], "missing.urdf: there is no such file"),
+        (["view", "missing.txt"], "missing.txt: there is no such file"),
+        (["view", "folder/missing"], "folder/missing: there is no such file"),
+        (["validate", "missing.toml"], "missing.toml: there is no such file"),
         (["plan", "rr1_table", "--query", "abov_parcel"], "Did you mean 'above_parcel'"),
         (["plan", "rr1_table", "--planner", "rrtconnect"], "Did you mean 'rrt_connect'"),
         (["plan", "rr1_table", "--planner", "many_arm"], "Did you mean 'many_arms'"),
         (["plan", "rr1"], "rr1 is a robot, expected a scene: a file with the lines [arms.NAME] and robot = 'rr1'"),
-        (["cspace", "arm.urdf"], "arm.urdf is a robot, expected a scene"),
         (["view", "RR1"], "unknown scene or robot 'RR1'. Did you mean 'rr1'"),
         (["plan", "rr1_table", "--retiming", "blends"], "Did you mean 'blend'"),
         (["plan", "rr1_table", "--goal", "hme"], "Did you mean 'home'"),
@@ -123,7 +127,6 @@ def test_questions_may_be_asked_in_many_ways(
         (["robots", "rr1_table"], "rr1_table is a scene, expected a robot"),
         (["validate", "nosuch"], "nosuch: there is no such file"),
         (["validate", "rr1_table"], "rr1_table is a scene, expected a motion; to make one: rr1plan plan rr1_table"),
-        (["play", "cell.toml"], "cell.toml is a scene, expected a motion; to make one: rr1plan plan cell.toml"),
         (["scenes", "."], "scene file '.' is a folder, expected one of .toml"),
         (["robots", "."], "robot file '.' is a folder, expected .urdf"),
         (["cspace", "planar2r_path", "--joints", "joint1", "joint9", "--resolution", "8"], "joint9"),
@@ -186,6 +189,21 @@ def test_a_motion_in_place_of_a_scene_is_named_with_the_commands_that_take_it(
         assert "r.jsonl is a recording, expected a scene; to see it: rr1plan mirror" in capsys.readouterr().err
         assert run([command, "notes.txt"]) == BAD_INPUT
         assert "scene file 'notes.txt' has the suffix '.txt', expected one of .toml" in capsys.readouterr().err
+
+
+def test_files_of_another_kind_are_named_for_what_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    contents = {"arm.urdf": "<robot/>", "cell.toml": "[arms]", "empty.json": "", "other.json": '{"a": 1}'}
+    for name, content in contents.items():
+        Path(name).write_text(content)
+    for arguments, said in (
+        (["cspace", "arm.urdf"], "arm.urdf is a robot, expected a scene"),
+        (["play", "cell.toml"], "cell.toml is a scene, expected a motion; to make one: rr1plan plan cell.toml"),
+        (["plan", "empty.json"], "empty.json: is not JSON, or was cut off: it is empty"),
+        (["validate", "empty.json"], "empty.json: is not JSON, or was cut off: it is empty"),
+        (["plan", "other.json"], "other.json is JSON without a motion, expected a scene"),
+    ):
+        assert run(arguments) == BAD_INPUT
+        assert said in capsys.readouterr().err
 
 
 def test_a_moment_after_the_end_of_a_motion_is_refused(
