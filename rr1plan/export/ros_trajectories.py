@@ -319,12 +319,17 @@ def read_joint_states(
         MissingPackageError: `rosbags` is not installed (extra `ros`).
     """
     messages = bag_messages(file_path(file), "sensor_msgs/msg/JointState", topic)
-    first = list(islice(messages, 2))
+    first = list(islice(messages, 2))  # now, so that the caller of this function gets the errors
     # The first message of a simulation may have the time zero.
     unstamped = all(_nanoseconds(message.header.stamp) == 0 for _, message in first)
-    for recorded, message in chain(first, messages):
-        time = 1e-9 * (recorded if unstamped else _nanoseconds(message.header.stamp))
-        yield time, tuple(message.name), np.array(message.position, dtype=np.float64)
+    return (
+        (
+            1e-9 * (recorded if unstamped else _nanoseconds(message.header.stamp)),
+            tuple(message.name),
+            np.array(message.position, dtype=np.float64),
+        )
+        for recorded, message in chain(first, messages)
+    )
 
 
 def _nanoseconds(stamp: Any) -> int:

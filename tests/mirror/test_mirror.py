@@ -653,7 +653,10 @@ def test_a_bag_is_a_stream(plan: rp.Trajectory, tmp_path: Path) -> None:
     with rp.Mirror(rp.load_scene("rr1_table"), plan) as mirror:
         assert mirror.run(stream)
     with pytest.raises(rp.UnknownNameError, match="unknown topic '/other'"):
-        list(rp.read_states(bag, topic="/other"))
+        rp.read_states(bag, topic="/other")  # before any message is read
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(rp.FormatError, match=r"there is no metadata\.yaml"):
+        rp.read_states(tmp_path / "empty")
 
 
 def test_a_bag_of_two_arms_is_a_stream(tmp_path: Path) -> None:
