@@ -116,13 +116,15 @@ def register_planner(
         optimizing: Whether it improves its path until the budget ends.
 
     Raises:
-        InputError: a name that is taken, or a factory that cannot be called.
+        InputError: a name that is taken or has white space or control characters, or a factory that cannot be called.
     """
     check_text("name", name)
     check_text("description", description)
     if name in (*planner_names(), *MANY_ARMS_PLANNERS) or not name:
         reason = "the name is taken; choose another one, or pass an instance instead of a name" if name else "no name"
         raise InputError(f"a planner cannot be registered as {name!r}: {reason}")
+    if any(character.isspace() or not character.isprintable() for character in name):
+        raise InputError(f"a planner cannot be registered as {name!r}: names have no white space or control characters")
     if not callable(factory):
         raise InputError(f"factory is {shown(factory)}, expected a class derived from Planner, or a function")
     info = PlannerInfo(name, description, true_or_false("optimizing", optimizing))

@@ -138,6 +138,8 @@ def test_a_registered_planner_has_a_name_like_any_other(problem: rp.Problem) -> 
         ("rrt_connect", ViaPoint, "the name is taken"),
         ("many_arms", ViaPoint, "the name is taken"),
         ("", ViaPoint, "no name"),
+        ("a b\n", ViaPoint, "no white space or control characters"),
+        ("a\x1b", ViaPoint, "no white space or control characters"),
         ("other", "ViaPoint", "factory is 'ViaPoint'"),
     ],
 )
