@@ -8,17 +8,19 @@ from itertools import pairwise
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, shown
+from rr1plan.checks import Array, Seed, check_text, number_from_zero, of_kind, shown, whole_number
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.errors import PlannerError, Rr1PlanError
+from rr1plan.errors import InputError, PlannerError, Rr1PlanError
 from rr1plan.model.inverse_kinematics import describe_excess
 from rr1plan.model.joint_turns import difference
 from rr1plan.path import Path
-from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree
 from rr1plan.robot import Robot
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 
+# NumPy's generators draw seeds of 128 bits.
+_LARGEST_SEED = 2**128
 # Tolerance for equal joint values [rad or m]; goal tolerances are extended by it.
 _EQUAL = 1e-9
 
@@ -54,6 +56,13 @@ def _fault(problem: Problem, result: object) -> str:
     status: object = result.status
     if not isinstance(status, PlanStatus):
         return f"returned a result with status {shown(status)}, expected a PlanStatus"
+    try:
+        check_text("reason", result.reason)
+        whole_number("seed", result.seed, 0, _LARGEST_SEED)
+        number_from_zero("seconds", result.seconds)
+        of_kind("tree", result.tree, SearchTree, optional=True)
+    except InputError as error:
+        return f"returned a result whose {error}"
     if result.status is not PlanStatus.FOUND:
         return "" if result.path is None else f"returned a path with status {result.status.value!r}, expected 'found'"
     if not isinstance(result.path, Path):

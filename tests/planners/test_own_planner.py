@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -176,6 +177,11 @@ NONSENSE: dict[str, tuple[Callable[[rp.Problem], Any], str]] = {
         lambda p: rp.PlanResult(rp.PlanStatus.TIMEOUT, rp.Path(p.joint_names, p.start[None])),
         "returned a path with status 'timeout'",
     ),
+    "reason of None": (lambda p: rp.PlanResult(rp.PlanStatus.TIMEOUT, None, None), "reason is None, expected text"),
+    "seed of text": (lambda p: replace(found(p, p.start), seed="7"), "seed is '7', expected a whole number"),
+    "negative time": (lambda p: replace(found(p, p.start), seconds=-1.0), "seconds is -1.0, expected a number >= 0"),
+    "time of text": (lambda p: replace(found(p, p.start), seconds="1"), "seconds is not a number: '1'"),
+    "tree of lists": (lambda p: replace(found(p, p.start), tree=[[0.0]]), "tree is of type list, expected SearchTree"),
     "other joints": (lambda p: found(p, [0.0, 0.0], names=("arm/a", "arm/b")), "a path of joints arm/a, arm/b"),
     "another start": (lambda p: found(p, [0.0, 0.5], [0.8, 0.0]), "begins 0.8 rad .* from the problem's start"),
     "another goal": (lambda p: found(p, p.start, [0.8, 0.5]), "does not end at a goal of arm 'arm': .* 0.5 rad"),
