@@ -235,9 +235,14 @@ def separation(chain: Chain, fixed: int) -> float:
 
 
 def sampling_box(robot: Robot) -> tuple[Array, Array]:
-    """Bounds of random starts: the limits, or one turn for joints without limits."""
+    """Bounds of random starts: the limits, or one turn for joints without limits, from the limit of those with one."""
     lower, upper = robot.limits.lower, robot.limits.upper
-    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+    low, high = np.isfinite(lower), np.isfinite(upper)
+    turn = 2.0 * np.pi
+    return (
+        np.where(low, lower, np.where(high, upper - turn, -np.pi)),
+        np.where(high, upper, np.where(low, lower + turn, np.pi)),
+    )
 
 
 @lru_cache(maxsize=64)

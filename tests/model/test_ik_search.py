@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rr1plan as rp
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.model import Kinematics
@@ -63,6 +66,14 @@ def test_normal_equations_are_solved_as_numpy_does(n, seed):
 def test_what_is_not_positive_definite_is_refused():
     for wrong in (np.array([[1.0, 0.0], [2.0, 1.0]]), np.full((1, 1), np.nan)):
         assert not load_library().rr1_solve_cholesky(wrong, np.ones(len(wrong)), len(wrong))
+
+
+def test_random_starts_of_joints_with_one_limit_are_within_a_turn_of_it():
+    robot = rp.load_robot("planar2r")
+    limits = replace(robot.limits, lower=[4.0, -np.inf], upper=[np.inf, -4.0])
+    lower, upper = sampling_box(robot.with_limits(limits))
+    np.testing.assert_allclose(lower, [4.0, -4.0 - 2 * np.pi])
+    np.testing.assert_allclose(upper, [4.0 + 2 * np.pi, -4.0])
 
 
 @pytest.mark.parametrize("name", ["rr1", "odd_arm", "redundant_arm", "wrist_arm"])
