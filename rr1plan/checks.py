@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Iterable, Mapping, Sized
+from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
@@ -388,6 +388,11 @@ def known_name(kind: str, name: str, known: Iterable[str], advice: str = "") -> 
 def counted(number: int, noun: str, plural: str | None = None) -> str:
     """A number with its noun: "1 waypoint", "2 waypoints"; `plural` for irregular plurals."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as in a sentence: "a", "a and b", "a, b and c"."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -16,7 +16,7 @@ import rr1plan as rp
 from rr1plan.multi.execution import route_motion
 from rr1plan.multi.execution.route import RouteSteps
 from rr1plan.multi.execution.running_plan import LATEST
-from rr1plan.multi.execution.temporal_plan_graph import pairs_in_reach
+from rr1plan.multi.execution.temporal_plan_graph import Dependency, Node, pairs_in_reach
 from rr1plan.multi.timing.coordination import coordination_diagram
 from rr1plan.multi.timing.passing_order import agreed_diagram
 from rr1plan.planning import Budget
@@ -135,6 +135,11 @@ def test_the_graph_says_who_waits_for_whom(ring: Plan) -> None:
     assert "does not go beyond its planned position at" in str(waiting[0])
     with pytest.raises(rp.UnknownNameError, match="arm07"):
         graph.waits_for("arm07")
+
+
+def test_arms_of_one_agent_are_listed_as_in_a_sentence() -> None:
+    texts = [str(Dependency(Node(0, 1, arms, 0.5), Node(1, 2, ("d",), 1.5))) for arms in (("a",), ("a", "b", "c"))]
+    assert [text.split(" does")[0] for text in texts] == ["a", "a, b and c"]
 
 
 def test_arms_that_do_not_move_have_a_graph_too(rr1: rp.Robot) -> None:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, check_callback, counted, known_name, of_kind
+from rr1plan.checks import Array, Value, check_callback, counted, known_name, listed, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
@@ -69,7 +69,7 @@ class Dependency(NamedTuple):
     after: Node
 
     def __str__(self) -> str:
-        waits, first = " and ".join(self.node.arms), " and ".join(self.after.arms)
+        waits, first = listed(self.node.arms), listed(self.after.arms)
         return (
             f"{waits} does not go beyond its planned position at {self.node.time:.3f} s "
             f"before {first} has reached its planned position at {self.after.time:.3f} s"
@@ -104,7 +104,7 @@ class PlanGraph(Value):
             raise InputError("an arm is part of two agents of a plan graph")
         for node, after in self.dependencies:
             if node.agent == after.agent:
-                raise InputError(f"{' and '.join(node.arms)} waits for itself")
+                raise InputError(f"{listed(node.arms)} waits for itself")
             if self.routes[node.agent].steps.is_rest[node.step]:
                 raise InputError("a dependency keeps an agent from resting where it is; expected one on a segment")
         _check_acyclic(self.routes, self.dependencies)
@@ -281,7 +281,7 @@ def _graph(plan: ManyArmsResult | RunningPlan, advance: Callable[[float], None])
         advance(done / len(pairs))
         order = order_of(i, j, step_callback(advance, done, len(pairs)))
         if order is None:
-            names = " and ".join((*routes[i].arms, *routes[j].arms))
+            names = listed((*routes[i].arms, *routes[j].arms))
             raise InputError(f"no order in which {names} pass each other is certified")
         found += order
     kept = (Dependency(_node(routes, *node), _node(routes, *after)) for node, after in _reduced(routes, found))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rr1plan.checks import listed
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
@@ -247,7 +248,7 @@ class GroupSchedules(AgentSchedules):
         for agent in self.agents:
             if agent not in self.schedules:
                 others = self._possible_blockers(agent)
-                among.setdefault(others, []).extend([" and ".join(agent.arms)] if others else agent.arms)
+                among.setdefault(others, []).extend([listed(agent.arms)] if others else agent.arms)
         texts = []
         for others, names in among.items():
             suffix = f" (among {', '.join(others)})" if others else " among each other" if len(names) > 1 else ""
