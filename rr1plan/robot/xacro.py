@@ -23,6 +23,8 @@ from rr1plan.files.file_access import read_bytes
 from rr1plan.files.xml_reader import MAX_BYTES
 from rr1plan.robot.mesh_lookup import folders_above, folders_in, package_name
 
+XacroArguments = Mapping[str, str | float | bool]
+"""Values of arguments by name."""
 log = logging.getLogger(__name__)
 
 _SECONDS = 60.0
@@ -36,7 +38,7 @@ def expand_xacro(
     file: str | Path,
     *,
     package_dirs: Sequence[str | Path] = (),
-    arguments: Mapping[str, str] | None = None,
+    arguments: XacroArguments | None = None,
     seconds: float = _SECONDS,
 ) -> str:
     """Expand a xacro file to URDF; `package://` names are unchanged.
@@ -99,10 +101,15 @@ def _packages(folders: Sequence[str | Path]) -> dict[str, str]:
     return known | named
 
 
-def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
+def _texts(arguments: XacroArguments | None) -> dict[str, str]:
     if arguments is not None and not isinstance(arguments, Mapping):
         raise InputError(f"xacro_arguments is {shown(arguments)}, expected a mapping of names to values")
-    return {str(name): str(value) for name, value in (arguments or {}).items()}
+    return {str(name): argument_text(value) for name, value in (arguments or {}).items()}
+
+
+def argument_text(value: object) -> str:
+    """The value of an argument as a xacro file reads it: true and false in lower case, all else as Python prints it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _run_worker(file: Path, request: dict[str, Any], seconds: float) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from rr1plan.robot.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.robot.srdf import Semantics, joined_semantics, read_srdf
 from rr1plan.robot.urdf import Tree, read_urdf
-from rr1plan.robot.xacro import expand_xacro
+from rr1plan.robot.xacro import XacroArguments, argument_text, expand_xacro
 from rr1plan.scene import Scene
 from rr1plan.scene.mjcf_scene import read_mjcf_scene
 from rr1plan.scene.motion_bench import read_bench_scene
@@ -85,7 +85,7 @@ def load_robot(
     package_dirs: Sequence[str | Path] = (),
     convex: Convexity = "hull",
     tool: str | None = None,
-    xacro_arguments: Mapping[str, str] | None = None,
+    xacro_arguments: XacroArguments | None = None,
 ) -> Robot:
     """Load a robot that ships with rr1plan or is installed, or any arm from its URDF, xacro or MJCF file.
 
@@ -128,7 +128,8 @@ def load_robot(
             link with a tool's name, or the end of the longest chain, before its fingers. In MJCF files it is a body or
             a site, and the joints between the base and the tool are planned for; by default a site with a tool's name,
             or the body that holds the fingers.
-        xacro_arguments: Values of a xacro file's arguments; if given, even {}, a .urdf is expanded as well.
+        xacro_arguments: Values of a xacro file's arguments: text, numbers or booleans; if given, even {}, a .urdf is
+            expanded as well.
 
     Raises:
         UnknownNameError: no such robot, group, joint or link.
@@ -162,7 +163,7 @@ def load_robot(
     if groups is not None:  # they decide which of an SRDF's states are named configurations
         options["groups"] = [group if isinstance(group, str) else list(group) for group in groups]
     if xacro_arguments is not None:
-        options["xacro_arguments"] = {str(name): str(value) for name, value in xacro_arguments.items()}
+        options["xacro_arguments"] = {str(n): argument_text(value) for n, value in xacro_arguments.items()}
     return _shared(replace(robot, load_options=options))
 
 
@@ -245,7 +246,7 @@ def _read_mjcf(
 
 
 def _read_tree(
-    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, arguments: Mapping[str, str] | None
+    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, arguments: XacroArguments | None
 ) -> Tree:
     if file.suffix.lower() != ".xacro" and arguments is None:
         return read_urdf(file, package_dirs=package_dirs, convex=convex)

@@ -41,6 +41,7 @@ from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import LIMIT_NAMES
 from rr1plan.robot.robot_packages import installed_robots
+from rr1plan.robot.xacro import XacroArguments, argument_text
 from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_elements import names_of_pair
@@ -62,7 +63,7 @@ class RobotLoader(Protocol):
         tool: str | None = None,
         package_dirs: Sequence[str] = (),
         convex: Convexity = "hull",
-        xacro_arguments: Mapping[str, str] | None = None,
+        xacro_arguments: XacroArguments | None = None,
     ) -> Robot:
         """A robot by name or by the absolute path of its file."""
         ...
@@ -253,7 +254,14 @@ def _xacro_arguments(entry: Table) -> tuple[tuple[str, str], ...] | None:
     if "xacro_arguments" not in entry:
         return None
     table = entry.table("xacro_arguments")
-    return tuple((name, table.string(name)) for name in table.names())
+    return tuple((name, _xacro_argument(table, name)) for name in table.names())
+
+
+def _xacro_argument(table: Table, name: str) -> str:
+    value = table.required(name)
+    if not isinstance(value, str | int | float):
+        raise table.error(f"expected text, a number, true or false, got {shown(value)}", name)
+    return argument_text(value)
 
 
 def _chain(entry: Table, value: Any) -> tuple[str, ...]:

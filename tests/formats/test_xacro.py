@@ -52,6 +52,23 @@ def test_arguments_reach_the_file(stack: Path) -> None:
     assert np.allclose(robot.link_poses([0, 0])["l2"][:3, 3], [0.4, 0, 0])
 
 
+def test_arguments_in_scene_files_are_texts_numbers_or_booleans(stack: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    unread = '<xacro:if value="$(arg long)"><link name="${1/0}"/></xacro:if>'
+    stack.write_text(XACRO.replace("</robot>", f"{unread}</robot>"))
+    scene = stack.with_name("cell.toml")
+    for length in ("0.2", '"0.2"'):
+        arguments = f"{{length = {length}, long = false}}"
+        scene.write_text(f'[arms.a]\nrobot = "{stack.name}"\nxacro_arguments = {arguments}\n')
+        robot = rp.load_scene(scene).arm("a").robot
+        assert np.allclose(robot.link_poses([0, 0])["l2"][:3, 3], [0.4, 0, 0])
+        assert robot.load_options["xacro_arguments"] == {"length": "0.2", "long": "false"}
+    assert rp.load_robot(stack, xacro_arguments={"length": 0.2, "long": False}).content_hash == robot.content_hash
+    scene.write_text(scene.read_text().replace('"0.2"', "[0.2]"))
+    with pytest.raises(FormatError, match=r"length: expected text, a number, true or false, got \[0\.2\]"):
+        rp.load_scene(scene)
+
+
 def test_arguments_that_the_file_does_not_have_are_reported(stack: Path, caplog: pytest.LogCaptureFixture) -> None:
     pytest.importorskip("xacrodoc")
     expand_xacro(stack, arguments={"length": "0.2", "lenght": "0.3"})
