@@ -111,10 +111,8 @@ class Square extends Sketch {
 
   /** Calls mark(x, y) for every visible copy of a configuration. */
   mark(q, mark) {
-    const [u, v] = [0, 1].map((axis) => share(axis, wrapped(axis, q[axis])));
-    for (const du of data.periodic[0] ? [-1, 0, 1] : [0]) for (const dv of data.periodic[1] ? [-1, 0, 1] : [0]) {
-      if (u + du > -0.05 && u + du < 1.05 && v + dv > -0.05 && v + dv < 1.05) mark(...this.at(u + du, v + dv));
-    }
+    const shares = [0, 1].map((axis) => share(axis, wrapped(axis, q[axis])));
+    for (const [u, v] of copiesNear(shares)) mark(...this.at(u, v));
   }
 }
 

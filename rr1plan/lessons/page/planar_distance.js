@@ -16,20 +16,10 @@ function betweenSegments(a, b, c, d) {
   );
 }
 
-function isInside(point, corners) {
-  if (corners.length < 3) return false;
-  let inside = false;
-  corners.forEach(([ax, ay], k) => {
-    const [bx, by] = corners[(k + 1) % corners.length];
-    if (ay > point[1] !== by > point[1] && point[0] < ax + ((point[1] - ay) / (by - ay)) * (bx - ax)) inside = !inside;
-  });
-  return inside;
-}
-
 /** Distance of two outlines {points, radius} [m]; at most the sum of the radii below zero. */
 function outlineDistance(one, two) {
   const a = one.points, b = two.points;
-  let least = isInside(a[0], b) || isInside(b[0], a) ? 0 : Infinity;
+  let least = insidePolygon(a[0], b) || insidePolygon(b[0], a) ? 0 : Infinity;
   const edges = (points) => (points.length < 3 ? points.length - 1 || 1 : points.length);
   for (let i = 0; i < edges(a) && least > 0; i++) {
     for (let j = 0; j < edges(b); j++) {

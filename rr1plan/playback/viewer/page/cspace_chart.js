@@ -139,12 +139,8 @@ class CspaceChart {
   }
 
   /** A mark near an edge that is identified with another is drawn at both. */
-  around([u, v], mark) {
-    for (const du of data.periodic[0] ? [-1, 0, 1] : [0]) {
-      for (const dv of data.periodic[1] ? [-1, 0, 1] : [0]) {
-        if (u + du > -0.05 && u + du < 1.05 && v + dv > -0.05 && v + dv < 1.05) mark(...this.at(u + du, v + dv));
-      }
-    }
+  around(shares, mark) {
+    for (const [u, v] of copiesNear(shares)) mark(...this.at(u, v));
   }
 
   drawTree(pen) {

@@ -80,7 +80,11 @@ class QueryEdits {
   /** The obstacle at a point of the plane, or null. */
   obstacleAt(point) {
     const names = Object.keys(data.live.outlines).reverse();
-    return names.find((name) => this.canMove(name) && this.loops(name).some((loop) => inPolygon(point, loop, this.obstaclePlace(name)))) || null;
+    const isOn = (name) => {
+      const place = this.obstaclePlace(name), local = point.map((v, axis) => v - place[axis]);
+      return this.loops(name).some((loop) => insidePolygon(local, loop));
+    };
+    return names.find((name) => this.canMove(name) && isOn(name)) || null;
   }
 
   canMove(name) {
@@ -314,14 +318,4 @@ class QueryEdits {
     this.resume = false;
     this.lesson.fillVerdict();
   }
-}
-
-/** Whether a point is inside a polygon around a center. */
-function inPolygon([x, y], corners, [cx, cy]) {
-  let inside = false;
-  for (let i = 0, j = corners.length - 1; i < corners.length; j = i++) {
-    const [ax, ay] = [corners[i][0] + cx, corners[i][1] + cy], [bx, by] = [corners[j][0] + cx, corners[j][1] + cy];
-    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
-  }
-  return inside;
 }

@@ -221,6 +221,12 @@ function wrappedCopies(points) {
   return range(0).flatMap((du) => range(1).map((dv) => points.map(([u, v]) => [u - du, v - dv])));
 }
 
+/** A position, and its copies just beyond edges that are identified with others. */
+function copiesNear([u, v]) {
+  const turns = (axis) => (data.periodic[axis] ? [-1, 0, 1] : [0]), isNear = (part) => part > -0.05 && part < 1.05;
+  return turns(0).flatMap((du) => turns(1).map((dv) => [u + du, v + dv])).filter((at) => at.every(isNear));
+}
+
 /** Value of a joint as a share of its axis, and back. */
 const share = (axis, value) => (value - data.low[axis]) / (data.high[axis] - data.low[axis]);
 const value = (axis, part) => data.low[axis] + part * (data.high[axis] - data.low[axis]);

@@ -39,6 +39,16 @@ function jointMotion(out, joint, value) {
   out[12] = shift * x; out[13] = shift * y; out[14] = shift * z;
 }
 
+/** Whether a point is inside a polygon. */
+function insidePolygon([x, y], corners) {
+  let inside = false;
+  corners.forEach(([ax, ay], k) => {
+    const [bx, by] = corners[(k + 1) % corners.length];
+    if (ay > y !== by > y && x < ax + ((y - ay) / (by - ay)) * (bx - ax)) inside = !inside;
+  });
+  return inside;
+}
+
 /** Poses of all links of all arms. Links are numbered arm after arm, columns of q likewise. */
 class Kinematics {
   constructor(doc) {
