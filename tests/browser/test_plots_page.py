@@ -72,6 +72,23 @@ def test_g_opens_and_closes_the_card(calm: Any) -> None:
     assert card.is_visible()
 
 
+def test_the_last_curve_stays_after_a_motion_without_another_chosen_one(calm: Any) -> None:
+    keys = "RR1.plots.charts.map(({ key }) => key)"
+    calm.ask(
+        """() => {
+        Object.assign(RR1.plots, { isFirstChoice: false, chosen: ["velocity", "error"] });
+        const { replay, samples } = RR1.document, { error, ...others } = samples;
+        window.replayed = { replay, samples };
+        RR1.setMotion({ replay: null, samples: others });
+        RR1.plots.switch("velocity");
+    }"""
+    )
+    assert calm.ask(keys) == ["velocity"]
+    calm.ask("RR1.setMotion(window.replayed)")
+    assert calm.ask(keys) == ["velocity", "error"]
+    calm.ask("RR1.plots.isFirstChoice = true, 0")
+
+
 def test_derivatives_are_those_of_the_polynomials(calm: Any, motions: Any) -> None:
     trajectory = motions[0].trajectory
     rng = np.random.default_rng(3)

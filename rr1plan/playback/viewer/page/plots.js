@@ -121,7 +121,7 @@ class Plots {
   switch(key) {
     const on = this.chosen.includes(key);
     this.isFirstChoice = false;
-    if (on && this.chosen.length === 1) return;
+    if (on && this.charts.length === 1) return; // chosen curves that this motion does not have are not shown
     this.chosen = on ? this.chosen.filter((other) => other !== key) : [...this.chosen, key];
     this.build();
   }
