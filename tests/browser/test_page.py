@@ -408,6 +408,16 @@ def test_a_view_that_is_framed_while_the_camera_still_turns_stays(calm: Any) -> 
     np.testing.assert_allclose(calm.ask("RR1.stage.camera.position.toArray()"), framed, atol=1e-9)
 
 
+def test_a_document_that_keeps_the_camera_keeps_its_direction_when_the_window_changes(calm: Any) -> None:
+    place = "RR1.stage.camera.position.toArray()"
+    calm.ask("window.before = RR1.document, RR1.look([1, 0, 0.5])")
+    calm.ask("RR1.load({ ...RR1.document, camera: { ...RR1.document.camera, direction: [0, 1, 0.2] } }, true)")
+    kept = calm.ask(place)
+    calm.ask("RR1.frame()")
+    np.testing.assert_allclose(calm.ask(place), kept, atol=1e-9)
+    calm.ask("RR1.load(window.before)")
+
+
 def test_more_arms_are_not_more_things_to_draw(calm: Any, planar2r: rp.Robot) -> None:
     def drawn_things(count: int) -> int:
         scene = rp.Scene()

@@ -77,7 +77,7 @@ class Viewer {
     if (doc.arms.length && !doc.robots.some(({ visuals }) => visuals.length)) this.hidden.delete("frames");
     this.slides = this.kinematics.arms.flatMap((a) => a.robot.kinds.map((kind) => kind === "prismatic"));
     this.takeMotion();
-    this.lastDirection = this.preferred || doc.camera.direction;
+    if (moves) this.lastDirection = this.preferred || doc.camera.direction;
     this.q = this.kinematics.rest();
     const { track } = this.player;
     if (track) track.at(track.start, this.q);
