@@ -132,6 +132,21 @@ def test_arms_that_turn_and_slide_are_dragged_by_the_tool(kinds: str, tab: Any, 
     assert tab.complaints == []
 
 
+def test_the_legend_of_the_slice_of_two_arms_has_the_patterns_of_the_images(tab: Any, tmp_path: Path) -> None:
+    tab.open(rp.lesson("two_arms").save_html(tmp_path / "page.html"))
+    colors = """() => {
+        const { square } = RR1.pair, { pen, plot: { x, y }, unit } = square;
+        return [0, 1].map((k) => {
+            const side = Math.round(6 * unit);
+            const at = [x + 14 * unit - side / 2, y + (16 + 18 * k) * unit - side / 2];
+            const { data } = pen.getImageData(...at.map(Math.round), side, side);
+            return new Set(new Uint32Array(data.buffer)).size;
+        });
+    }"""
+    first, second = tab.ask(colors)
+    assert (first, second > 1) == (1, True)
+
+
 def test_the_numbers_cover_no_obstacle_on_a_projector(tab: Any, tmp_path: Path) -> None:
     tab.resize(1024, 768)
     tab.open(rp.lesson("workspace").save_html(tmp_path / "a.html"), READY)

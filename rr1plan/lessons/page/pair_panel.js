@@ -269,10 +269,10 @@ class TwoArms {
   }
 
   drawLegend(pen, unit) {
-    const { x, y } = this.square.plot;
+    const { x, y } = this.square.plot, patterns = patternsOf(data.layers);
     data.layers.forEach(({ name, color }, k) => {
       const top = y + (16 + 18 * k) * unit;
-      disc(pen, x + 14 * unit, top, 5 * unit, color, "#fff", unit);
+      disc(pen, x + 14 * unit, top, 5 * unit, pen.createPattern(patternTile(color, patterns[k], Math.round(6 * unit)), "repeat"), "#fff", unit);
       this.square.write(name, x + 24 * unit, top, { align: "left", color: INK, size: 11.5 });
     });
   }

@@ -29,14 +29,17 @@ function patternsOf(layers) {
 }
 
 /** A background for a swatch of a legend: a color with its pattern, as in the picture. */
-function patterned(color, pattern) {
-  const size = 6, canvas = element("canvas"), pen = canvas.getContext("2d"), tile = tileOf(pattern, size);
+const patterned = (color, pattern) => `center / 6px url(${patternTile(color, pattern, 6).toDataURL()}) ${color}`;
+
+/** A tile of a color with its pattern, as a canvas of some pixels. */
+function patternTile(color, pattern, size) {
+  const canvas = element("canvas"), pen = canvas.getContext("2d"), tile = tileOf(pattern, size);
   canvas.width = canvas.height = size;
   tile.forEach((ink, i) => {
     pen.fillStyle = ink ? hex(inked(rgb(color))) : color;
     pen.fillRect(i % size, Math.floor(i / size), 1, 1);
   });
-  return `center / 6px url(${canvas.toDataURL()}) ${color}`;
+  return canvas;
 }
 
 const LONGEST_NAME = 28; // [characters]
