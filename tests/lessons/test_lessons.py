@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -170,6 +171,20 @@ def two_arms(first: str, second: str) -> rp.Scene:
         limits = [(-2.8, 2.8) if kind == "R" else (0.0, 0.5) for kind in joints]
         scene = scene.with_arm(name, rp.planar_arm(joints, (1.0, 0.7), limits=limits), base=base)
     return scene.with_obstacle("disc", rp.Cylinder(0.15, 0.2), (0.0, -1.4, 0.0))
+
+
+def test_scripts_of_lessons_hide_no_class_of_the_viewer() -> None:
+    package = Path(rp.__file__).parent
+    viewer, lesson = (
+        {
+            name
+            for file in (package / folder).glob("*.js")
+            for name in re.findall(r"^class (\w+)", file.read_text(), re.M)
+        }
+        for folder in ("playback/viewer/page", "lessons/page")
+    )
+    assert "Kinematics" in viewer
+    assert not viewer & lesson
 
 
 FACING = rp.transforms.pose([1.1, 0.1, 0.0], rpy=[0.0, 0.0, np.pi])

@@ -5,7 +5,7 @@ const fixed = (v, digits = 3) => (Number.isFinite(v) ? (Math.abs(v) < 0.5 * 10 *
 const meters = (v, least) => placed(v, 2 * space.arm.outer, least);
 const reading = (v, k) => (flat.kinds[k] === "P" ? `${meters(v)} m` : `${tenths(DEGREES * v)}°`);
 
-class Kinematics {
+class KinematicsDrawing {
   constructor() {
     this.shown = new Set();
     this.group = new THREE.Group();
@@ -253,7 +253,7 @@ function nameTag(text, tall) {
   return tag;
 }
 
-const kinematics = new Kinematics();
+const kinematics = new KinematicsDrawing();
 viewer.arm = kinematics;
 steps.on("transforms", () => kinematics.show("frames"));
 steps.on("dh", () => kinematics.show("frames"));
