@@ -25,9 +25,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, Value, as_generator, counted, finite_number, known_name, of_kind
+from rr1plan.checks import Array, Seed, Value, as_generator, counted, known_name, number_from_zero, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
-from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.separated_schedules import SeparatedSchedules, separate
 from rr1plan.multi.in_parallel import in_parallel, processors
@@ -211,9 +210,7 @@ def plan_many_arms(
     seconds = budget.seconds
     watch = Stopwatch(seconds - min(_RESERVE, _MOST_RESERVE * seconds), progress, budget.iterations)
     generator = as_generator(rng)
-    largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
-    if largest < 0.0:
-        raise InputError(f"margin is {largest}, expected a distance >= 0")
+    largest = number_from_zero("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
     near = arms_in_reach(problem.scene, problem.arms, largest)
     if not watch.goes_on() and watch.cancelled:
         return ManyArmsResult(PlanStatus.CANCELLED, CANCELLED, seconds=watch.seconds)

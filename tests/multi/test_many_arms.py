@@ -117,6 +117,8 @@ def test_plan_motion_answers_problems_of_many_arms_with_proof(rr1: rp.Robot, tmp
         _ = motion.path
     with pytest.raises(InputError, match="leaves the paths"):
         rp.plan_motion(problem, planner="many_arms", retiming="ruckig_direct")
+    with pytest.raises(InputError, match=r"margin is -1\.0, expected a number >= 0"):
+        rp.plan_many_arms(problem, margin=-1.0)
 
 
 def test_arms_that_cannot_meet_are_planned_apart(rr1: rp.Robot, assert_safe: Check) -> None:
