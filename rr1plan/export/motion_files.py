@@ -106,7 +106,8 @@ def fit_joints(joint_names: Sequence[str], scene: Scene) -> tuple[tuple[str, ...
             if name in locked:
                 raise InputError(
                     f"joint {name!r} is locked in the scene, expected a column for each planning joint; leave its "
-                    "column out, or load the robot with joints= that include it"
+                    "column out, or load the robot with joints= that include it; a sequence with a gripper is "
+                    "validated from its .json file, which has the stages"
                 )
             raise UnknownNameError("joint", name, columns)
         column = fitting[0]

@@ -55,6 +55,16 @@ def test_a_sequence_is_validated_stage_by_stage(
     assert "ball and block overlap" in said
 
 
+def test_the_table_of_a_sequence_with_a_gripper_is_refused_with_the_file_to_validate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("arm", rp.load_robot("planar2r", joints=["joint1"])))
+    table = rp.Trajectory(["arm/joint1", "arm/joint2"], [0.0, 1.0], [[[0.0, 0.0]]])
+    file = str(rp.save_csv(tmp_path / "moved.csv", table))
+    assert run(["validate", file, "--scene", str(tmp_path / "cell.toml")]) == BAD_INPUT
+    assert "a sequence with a gripper is validated from its .json file" in capsys.readouterr().err
+
+
 def test_a_sequence_is_shown(saved: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert run(["view", str(saved), "--html", str(page)]) == OK
