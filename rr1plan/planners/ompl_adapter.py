@@ -193,12 +193,16 @@ def _information(
     n = len(query.lower)
     q = np.zeros(n)
 
+    # Some samplers leave the bounds: SORRT* also takes the samples of an ellipsoid that OMPL's own test rejects.
+    def in_bounds(q: Array) -> bool:
+        return bool((query.lower <= q).all() and (q <= query.upper).all())
+
     def state_valid(state: ob.State) -> bool:
         q[:] = state[0:n]
-        return watch.in_time() and query.state_valid(q)
+        return watch.in_time() and in_bounds(q) and query.state_valid(q)
 
     def edge_valid(a: Array, b: Array) -> bool:
-        if not (watch.in_time() and query.edge_valid(a, b)):
+        if not (watch.in_time() and in_bounds(a) and in_bounds(b) and query.edge_valid(a, b)):
             return False
         if edges is not None:
             edges.append((tuple(a.tolist()), tuple(b.tolist())))

@@ -229,6 +229,17 @@ def test_optimizing_planners_report_falling_costs(planner):
 # ---- each of these has killed or wedged a process that spoke to OMPL directly ------------------------
 
 
+@pytest.mark.parametrize("planner", OMPL_NAMES)
+def test_no_state_is_outside_the_bounds(planner):
+    # A short third axis and many goals, as of a SCARA that moves to a point: SORRT* also samples outside its range.
+    lower, upper = np.array([-2.3, -2.5, -0.02, -7.85]), np.array([2.3, 2.5, 0.15, 7.85])
+    goals = [[x, y, 0.12, turn] for x, y in ((0.1, 0.95), (0.97, -0.95)) for turn in np.linspace(-6.0, 6.0, 16)]
+    query = {"lower": lower, "upper": upper, "start": [-0.8, 0.6, 0.0, 0.0], "goals": goals}
+    found, _ = solve(planner, seed=4, tree=True, **query)
+    assert (found.tree.vertices >= lower - 1e-9).all()
+    assert (found.tree.vertices <= upper + 1e-9).all()
+
+
 def test_an_exception_in_a_callback_arrives_unchanged_and_searching_goes_on():
     done = in_a_process(f"""
         originals = dict(state_valid=state_valid, edge_valid=edge_valid, goes_on=lambda: True)
