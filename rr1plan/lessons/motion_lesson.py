@@ -167,7 +167,7 @@ class MotionLesson(Lesson):
         space = self.picture.grid
         extent = (*space.ranges[0], *space.ranges[1])
         image = 1.0 - 0.55 * (1.0 - layer_image(space))
-        axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
+        axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="auto")
         rows = (
             (self.raw, RAW, "--", "planned"),
             (self.path.waypoints, SHORT, "-", "shortened"),
@@ -176,7 +176,7 @@ class MotionLesson(Lesson):
         for points, color, line, label in rows:
             for k, piece in enumerate(wrapped_pieces(points, space)):
                 axes.plot(*piece.T, line, color=color, lw=2, label=None if k else label)
-        axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[])
+        axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[], box_aspect=1)
         axes.set_title("path", fontsize=13, loc="left")
         axes.legend(fontsize=9, loc="lower right")
 

@@ -151,7 +151,7 @@ class PlanningLesson(Lesson):
         space, record = self.picture.grid, variant.record
         extent = (*space.ranges[0], *space.ranges[1])
         image = 1.0 - 0.55 * (1.0 - layer_image(space))
-        axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
+        axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="auto")
         color = COLORS[variant.planner]
         lines = [piece for a, b in _edges(record) for piece in wrapped_pieces(_joined(space, a, b), space)]
         axes.add_collection(LineCollection(lines, colors=color, linewidths=0.6, alpha=0.8))
@@ -165,7 +165,7 @@ class PlanningLesson(Lesson):
                 axes.plot(*piece.T, color="#22262b", lw=2.2)
         for q, marker, size in ((self.problem.start, "o", 8), (self.picture.goals[0], "*", 14)):
             axes.plot(*space.wrapped(q), marker, color="#22262b", mec="white", ms=size, zorder=5)
-        axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[])
+        axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[], box_aspect=1)
         cost = self.length(record) if record.found else "no path"
         axes.set_title(f"{variant.planner}: {record.edges_checked[-1]} edges, {cost}", fontsize=11, loc="left")
 

@@ -429,6 +429,16 @@ def test_texts_on_limits_fit_the_number_of_solutions() -> None:
     assert "gray" not in limits("RR")
 
 
+@pytest.mark.parametrize("name", ["planning", "motion"])
+def test_maps_of_joints_with_different_units_are_square(name: str) -> None:
+    # 1 rad is not 1 m: with equal scales the map of this arm would be a strip.
+    problem = rp.Problem(own_scene("PR"), [0.1, 0.1], rp.JointGoal([0.2, 0.1]))
+    figure = rp.lesson(name, problem=problem).figure()
+    figure.draw_without_rendering()
+    box = figure.axes[0].get_window_extent()
+    assert box.width == pytest.approx(box.height)
+
+
 @pytest.mark.parametrize(("joints", "unit"), [("PP", " m"), ("PR", "")])
 def test_lengths_have_the_unit_of_the_joints(joints: str, unit: str) -> None:
     scene = own_scene(joints)
