@@ -151,7 +151,8 @@ class SixJointsLesson(Lesson):
             counts, [r.low for r in rows], [r.high for r in rows], color="#2f66c8", alpha=0.2, linewidth=0
         )
         axes.plot(counts, [r.share for r in rows], color="#2f66c8", linewidth=2)
-        axes.set(xscale="log", ylim=(0.5 if rows[-1].low > 0.5 else 0.0, 1.0), xlabel="samples", ylabel="free share")
+        lowest = 0.5 if min(r.low for r in rows) > 0.5 else 0.0
+        axes.set(xscale="log", ylim=(lowest, 1.0), xlabel="samples", ylabel="free share")
         axes.set_xticks([100, 1000], ["100", "1000"])
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_box_aspect(1)

@@ -429,6 +429,15 @@ def test_texts_on_limits_fit_the_number_of_solutions() -> None:
     assert "gray" not in limits("RR")
 
 
+def test_the_whole_interval_of_the_free_share_is_drawn() -> None:
+    lesson: Any = rp.lesson("six_joints", rp.load_scene("rr1_window"))
+    axes = lesson.figure().axes[5]
+    (interval,) = axes.collections
+    lowest = interval.get_datalim(axes.transData).ymin
+    assert lowest < 0.5 < lesson.share.share
+    assert axes.get_ylim()[0] <= lowest
+
+
 @pytest.mark.parametrize("name", ["planning", "motion"])
 def test_maps_of_joints_with_different_units_are_square(name: str) -> None:
     # 1 rad is not 1 m: with equal scales the map of this arm would be a strip.
