@@ -129,7 +129,8 @@ class MessageReader:
             return None
         i = int(np.argmax(over))
         name = self.joints.names[joints[i]]
-        return StreamError("jump", f"joint {name!r} moved by {moved[i]:.3g} in {elapsed[i]:.3g} s")
+        unit = "m" if self.joints.slides[joints[i]] else "rad"
+        return StreamError("jump", f"joint {name!r} moved by {moved[i]:.3g} {unit} in {elapsed[i]:.3g} s")
 
     def _missing(self, now: float) -> StreamError | None:
         """A fault if messages have lacked a needed joint for too long."""

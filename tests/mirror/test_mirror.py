@@ -413,6 +413,16 @@ def test_joints_without_the_name_of_their_arm_are_those_of_the_only_arm_that_has
     assert mirror.events[0].message.startswith("several arms have a joint 'joint1' in the message of 0.000 s: a/joint1")
 
 
+@pytest.mark.parametrize(("q", "moved"), [((2.0, 0.1), "'arm/joint1' moved by 2 rad"), ((0.0, 0.7), "by 0.6 m")])
+def test_a_jump_has_the_unit_of_the_joint(q: tuple[float, float], moved: str) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RP"))
+    with rp.Mirror(scene) as mirror:
+        mirror.receive(rp.StateMessage(0.0, scene.joint_names(), [0.0, 0.1]))
+        mirror.receive(rp.StateMessage(0.01, scene.joint_names(), q))
+    (jump,) = (event.message for event in mirror.events if event.kind == "jump")
+    assert f"{moved} in 0.01 s" in jump
+
+
 def test_joints_that_the_scene_does_not_have_are_faults_and_the_others_are_read(scene: rp.Scene) -> None:
     q = scene.configuration() + 0.1
     with rp.Mirror(scene) as mirror:
