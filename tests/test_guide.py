@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import rr1plan as rp
+
 GUIDE = Path(__file__).parent.parent / "docs" / "guide.md"
 PAGES = sorted(GUIDE.with_name("moving_over").glob("[!R]*.md"))
 
@@ -43,6 +45,14 @@ def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
     assert [line for line in done.stderr.splitlines() if not line.startswith(said)] == []
     assert (tmp_path / "cell.html").stat().st_size > 0
     assert "certified free of collision in continuous time" in done.stdout
+
+
+def test_the_guide_s_joint_state_is_read(tmp_path: Path) -> None:
+    (line,) = _blocks("json")
+    (tmp_path / "states.jsonl").write_text(line)
+    (state,) = rp.read_states(tmp_path / "states.jsonl")
+    assert isinstance(state, rp.StateMessage)
+    assert state.joint_names == ("turn", "lift", "bend")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

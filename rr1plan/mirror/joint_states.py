@@ -130,8 +130,11 @@ class StateStream(Iterator[StateMessage | StreamError]):
 def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str | None = None) -> StateStream:
     """The joint states of a file or a socket.
 
+    A datagram or line is a JSON object such as {"time": 0.02, "name": ["shoulder", "elbow"], "position": [0.1, 0.2]},
+    with the time of measurement [s] on a clock of the sender and positions in rad or m; further keys are ignored.
+
     Args:
-        source: "udp://HOST:PORT" to listen for the datagrams of a `JointStateBroadcaster`; a file of its lines
+        source: "udp://HOST:PORT" to listen for datagrams, as a `JointStateBroadcaster` sends them; a file of such lines
             (.jsonl); or a bag with `sensor_msgs/JointState` (.mcap, .db3, .bag, a folder).
         silence: Interval without messages [s] after which a `StreamError` is reported, repeatedly by a socket. In a
             file it is an interval of the times of arrival, or of measurement if these are unknown.
