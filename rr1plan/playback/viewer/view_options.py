@@ -25,7 +25,8 @@ class Panel:
         name: A name unique on the page; letters, digits and "-".
         title: Headline of the panel.
         html: Content of the panel.
-        css: Style rules, in which lengths in px grow with the window, as all texts of the page.
+        css: Style rules, in which lengths in px grow with the window, as all texts of the page. They apply to the
+            whole page, so begin selectors with "#panel-NAME", the element of the panel.
         script: JavaScript statements, run once with three names in scope: `viewer` (see `page/main.js` for its
             interface), `root` (the panel's element), `data`.
         data: Anything that JSON can represent, and numbers and arrays of NumPy; large arrays by `pack_array`.
