@@ -249,7 +249,9 @@ class MotionPlan(NotebookView):
         if first is second:
             raise InputError(f"{one!r} and {two!r} only move as one in their joint space, so they have no diagram")
         numbers = {arm: k for k, arm in enumerate(self.scene.arms)}
-        return CoordinationDiagram(names, (numbers[one], numbers[two]), **vars(pair_timing(first, second)))
+        along, beside = (length_unit(self.scene.joint_names(each.arms), self.scene) for each in (first, second))
+        timing = pair_timing(first, second)
+        return CoordinationDiagram(names, (numbers[one], numbers[two]), units=(along, beside), **vars(timing))
 
     def _page_options(self, options: ViewOptions | None) -> ViewOptions:
         """The options of a page, with the planner's tree; for a plan of many arms also with its time line."""

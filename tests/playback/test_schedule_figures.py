@@ -154,6 +154,15 @@ def test_a_diagram_has_axes_in_seconds_and_in_path_length(tmp_path: Path) -> Non
         picture.save(tmp_path / "d.png", axes="rad")
 
 
+def test_axes_in_path_length_have_the_units_of_the_arms() -> None:
+    scene = rp.Scene().with_arm("gantry", rp.planar_arm("PP")).with_arm("crane", rp.planar_arm("RP"), [5.0, 0.0, 0.0])
+    starts, goals = {"gantry": [0.1, 0.1], "crane": [0.0, 0.1]}, {"gantry": [0.5, 0.2], "crane": [1.0, 0.2]}
+    problem = rp.Problem(scene, starts, goals)
+    motion = rp.plan_motion(problem, planner="many_arms", rng=0)
+    axes = motion.coordination_diagram("gantry", "crane").figure(axes="length").axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("path of gantry [m]", "path of crane [rad and m]")
+
+
 def test_an_arm_that_does_not_move_has_a_diagram_too() -> None:
     one, still = np.array([0.0, 1.0, 2.0]), np.zeros(1)
     blocked = np.zeros((4, 2), np.uint8)

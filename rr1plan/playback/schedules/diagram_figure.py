@@ -143,8 +143,9 @@ def _draw_axes(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Loo
     plot.set_facecolor(look.paper)
     plot.set_xlim(-across, width + across)
     plot.set_ylim(-up, height + up)
-    words = "{} on its path [s without waiting]" if axes == "time" else "path of {} [rad]"
-    labels = plot.set_xlabel(words.format(diagram.names[0])), plot.set_ylabel(words.format(diagram.names[1]))
+    words = "{} on its path [s without waiting]" if axes == "time" else "path of {} [{}]"
+    along, beside = map(words.format, diagram.names, diagram.units)
+    labels = plot.set_xlabel(along), plot.set_ylabel(beside)
     for side, arm in (("bottom", 0), ("left", 1)):
         plot.spines[side].set(edgecolor=arm_color(diagram.numbers[arm]), linewidth=6.0)
     for side in ("top", "right"):

@@ -26,10 +26,11 @@ class PairSchedule:
         names: The two arms.
         numbers: Number of each in its scene, which determines its color.
         blocked: Which cells are blocked, shape (m + 2, n + 2): start, segments and goal of both paths.
-        lengths: Path length at the ends of all segments [rad], shapes (m + 1,) and (n + 1,).
+        lengths: Path length at the ends of all segments, in `units`, shapes (m + 1,) and (n + 1,).
         undelayed: Times at which each arm would be there without waiting [s], of the same shapes.
         times: Times of the plan [s], shape (k,).
         places: Positions of both arms at these times, as fractional indices of segment ends, shape (k, 2).
+        units: Unit of both path lengths: "rad", "m", or "rad and m" for joints of both kinds.
     """
 
     names: tuple[str, str]
@@ -39,6 +40,7 @@ class PairSchedule:
     undelayed: tuple[Array, Array]
     times: Array
     places: Array
+    units: tuple[str, str] = ("rad", "rad")
 
     @property
     def blocked_share(self) -> float:
@@ -50,7 +52,7 @@ class PairSchedule:
         """The plan as a curve: positions of both arms at `times`, shape (k, 2).
 
         Args:
-            axes: "time": time at which an arm would be there without waiting [s]; "length": path length [rad].
+            axes: "time": time at which an arm would be there without waiting [s]; "length": path length, in `units`.
 
         Raises:
             UnknownNameError: other axes.
