@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import Array, Value, finite_array, finite_number, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
+from rr1plan.robot.srdf import chain_joints
 
 _PARALLEL = 1e-9
 
@@ -122,11 +123,16 @@ def dh_table(robot: Robot) -> DhTable:
         robot: A chain of revolute, continuous and prismatic joints.
 
     Raises:
-        InputError: a planning joint that does not move the tool, or mimicking joints.
+        InputError: a planning joint that does not move the tool, or one on the way to it that mimics another one.
     """
     of_kind("robot", robot, Robot)
-    if any(robot.joint(name).mimic is not None for name in robot.joint_names):
-        raise InputError("a joint mimics another one, expected a serial arm")
+    chain = chain_joints(robot.joints, robot.base, robot.tool)
+    for name in chain:
+        if robot.joint(name).mimic is not None:
+            raise InputError(f"joint {name!r} mimics another one, expected a serial arm")
+    for name in robot.joint_names:
+        if name not in chain:
+            raise InputError(f"joint {name!r} does not move the tool {robot.tool!r}; leave it out with option groups")
     poses = robot.link_poses(np.zeros(robot.nq))
     joints = [robot.joint(name) for name in robot.joint_names]
     # Axes at the zero configuration, each as a point and a direction; last the tool with the direction of the last

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,9 +126,25 @@ def test_the_arm_is_singular_where_it_is_straight_or_folded(lesson: KinematicsLe
     assert gantry.map()[1] == []
 
 
-def test_chains_that_have_no_table() -> None:
+def test_chains_that_have_no_table(tmp_path: Path) -> None:
     with pytest.raises(rp.InputError, match="expected Robot"):
         rp.dh_table("rr1")
+    # Two joints in a row, and a finger beside the tool.
+    joints = {"lift": ("base", "arm", ""), "level": ("arm", "hand", "{mimic}"), "grip": ("hand", "finger", "")}
+    limit = '<axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/>'
+    text = '<robot name="leveler">' + "".join(f'<link name="{x}"/>' for x in ("base", "arm", "hand", "finger"))
+    for name, (parent, child, extra) in joints.items():
+        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 1"/>'
+        text += f'<joint name="{name}" type="revolute">{ends}{limit}{extra}</joint>'
+    for name, mimic, groups, said in (
+        ("a", '<mimic joint="lift" multiplier="-1"/>', [("base", "hand")], "joint 'level' mimics another one"),
+        ("b", "", None, "joint 'grip' does not move the tool 'hand'"),
+    ):
+        file = tmp_path / f"{name}.urdf"
+        file.write_text(text.replace("{mimic}", mimic) + "</robot>")
+        robot = rp.load_robot(file, groups=groups, tool="hand")
+        with pytest.raises(rp.InputError, match=said):
+            rp.dh_table(robot)
 
 
 def test_the_columns_of_a_printed_table_are_aligned(rr1: rp.Robot) -> None:
