@@ -66,6 +66,8 @@ def _read_start(entry: Table, key: str) -> Any:
     value = entry.raw(key)
     if value is None or isinstance(value, str):
         return value
+    if not isinstance(value, list):
+        raise entry.error(f"expected a configuration's name or its numbers, got {shown(value)}", key)
     return entry.numbers(key, (None,))
 
 

@@ -415,6 +415,10 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "[queries.q]\ngoal = [1, 'x']\n", "q.goal: expected a list of numbers, got 'x' in it"),
         (SIMPLE + "[queries.q]\ngoal = ['home', true]\n", "q.goal[1]: expected a configuration's name"),
         (
+            SIMPLE + "[queries.q]\ngoal = 'home'\nstart = { position = [1, 0, 0] }\n",
+            "q.start: expected a configuration's name or its numbers, got {'position'",
+        ),
+        (
             SIMPLE + "[queries.q]\nstart = [1, 1]\ngoals = { arm = 'home' }\n",
             "q.start: unknown key 'start'. Did you mean 'starts'",
         ),
