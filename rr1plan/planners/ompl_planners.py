@@ -85,7 +85,7 @@ class OmplPlanner(Planner):
 
             known = setting_names(KINDS[name].ompl)
             for setting, value in settings.items():
-                known_name(f"setting of planner {name!r}", setting, known)
+                known_name(f"{name} setting", setting, known)
                 finite_number(setting, value)
         self.settings: Mapping[str, float] = MappingProxyType(settings)
 

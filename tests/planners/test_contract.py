@@ -198,7 +198,7 @@ def test_what_is_no_planner_is_refused_by_name(wrong, seam):
 
 
 def test_an_unknown_setting_is_told_with_all_there_are():
-    with pytest.raises(UnknownNameError, match=r"Known: goal_bias, intermediate_states, range"):
+    with pytest.raises(UnknownNameError, match=r"unknown rrt setting 'rang'.*: goal_bias, intermediate_states, range"):
         OmplPlanner("rrt", settings={"rang": 0.5})
     with pytest.raises(InputError, match="range"):
         OmplPlanner("rrt", settings={"range": "far"})
