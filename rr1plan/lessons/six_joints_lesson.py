@@ -139,7 +139,7 @@ class SixJointsLesson(Lesson):
             axes.set(xlabel=labels[0], ylabel=labels[1])
             if (i, j) == (0, 2):
                 shown = f"{value:.2g} m" if straight[other] else f"{np.degrees(value):.0f}°"
-                axes.set_title(f"{symbols[other]} = {shown}", loc="left")
+                axes.set_title(f"{symbols[other]} = {shown}".replace("-", "−"), loc="left")
         self._draw_share(plots[5])
         figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=8, frameon=False, fontsize=12)
 
