@@ -134,6 +134,13 @@ def test_nearer_configurations_of_positions_are_found(gap: float) -> None:
     np.testing.assert_array_equal(again.coefficients, result.trajectory.coefficients)
 
 
+def test_arms_at_one_of_their_goals_are_not_improved(rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("arm", rr1)
+    problem = rp.Problem(scene, "home", ["home", rp.PoseGoal("tool", rp.Kinematics(scene).pose(rr1.home)[:3, 3])])
+    result = plan_many_arms(problem, rng=0, budget=_BUDGET, improvement=Budget(seconds=60.0))
+    assert (result.makespan, result.improvements) == (0.0, 0)
+
+
 def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:
     """An improver of the plan in which all arms move one at a time, as they are found."""
     agent, watch, generator = Agent(problem, problem.arms), Stopwatch(math.inf), np.random.default_rng(rng)

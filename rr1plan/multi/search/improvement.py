@@ -132,9 +132,12 @@ class PlanImprover:
         return max(arrivals, default=0.0), per_arm
 
     def _is_best(self) -> bool:
-        """Whether each arm moves separately, on a straight line, without waiting, to its only goal configuration."""
-        return not self._goals and all(
-            len(agent.arms) == 1 and s.arrival == s.path.fastest and len(clean(s.path.path.waypoints)) <= 2
+        """Whether each arm moves by itself, straight and at once to its only goal configuration, or rests at a goal."""
+        return all(
+            len(agent.arms) == 1
+            and s.arrival == s.path.fastest
+            and len(clean(s.path.path.waypoints)) <= 2
+            and (s.arrival == 0.0 or agent.arms[0] not in self._goals)
             for agent, s in self.plan.schedules.items()
         )
 
