@@ -29,18 +29,13 @@ DRAWN_LINKS = """level => {
 }"""
 
 
-def surface_points(shape: rp.Shape) -> np.ndarray:
-    """Extreme points of a box, a cylinder or a capsule, in its frame."""
+def half_sizes(shape: rp.Shape, R: np.ndarray) -> np.ndarray:
+    """Half the sizes of the box around a turned box, cylinder or capsule, in the axes of the world, shape (3,)."""
     if isinstance(shape, rp.Box):
-        return np.array(np.meshgrid(*[[-0.5 * s, 0.5 * s] for s in shape.size])).reshape(3, -1).T
-    angles = np.linspace(0.0, 2.0 * np.pi, 721)
-    ring = np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles]) * shape.radius
-    ends = np.array([[0.0, 0.0, -0.5 * shape.length], [0.0, 0.0, 0.5 * shape.length]])
-    if isinstance(shape, rp.Capsule):
-        heights = np.linspace(-1.0, 1.0, 61)[:, None, None]
-        ball = (np.sqrt(1.0 - heights**2) * ring + shape.radius * heights * [0.0, 0.0, 1.0]).reshape(-1, 3)
-        return np.concatenate([ball + end for end in ends])
-    return np.concatenate([ring + end for end in ends])
+        return np.abs(R) @ (0.5 * np.array(shape.size))
+    axis = R[:, 2]
+    across = 1.0 if isinstance(shape, rp.Capsule) else np.sqrt(np.maximum(0.0, 1.0 - axis**2))
+    return 0.5 * shape.length * np.abs(axis) + shape.radius * across
 
 
 def link_boxes(scene: rp.Scene, q: np.ndarray) -> dict[str, np.ndarray]:
@@ -49,12 +44,11 @@ def link_boxes(scene: rp.Scene, q: np.ndarray) -> dict[str, np.ndarray]:
     boxes = {}
     for arm, placed in scene.arms.items():
         for link in placed.robot.links:
-            parts = [
-                (poses[f"{arm}/{link.name}"] @ g.pose, surface_points(g.shape)) for g in link.visuals or link.collisions
-            ]
+            parts = [(g.shape, poses[f"{arm}/{link.name}"] @ g.pose) for g in link.visuals or link.collisions]
             if parts:
-                points = np.concatenate([p @ T[:3, :3].T + T[:3, 3] for T, p in parts])
-                boxes[f"{arm}/{link.name}"] = np.array([points.min(axis=0), points.max(axis=0)])
+                low = [T[:3, 3] - half_sizes(shape, T[:3, :3]) for shape, T in parts]
+                high = [T[:3, 3] + half_sizes(shape, T[:3, :3]) for shape, T in parts]
+                boxes[f"{arm}/{link.name}"] = np.array([np.min(low, axis=0), np.max(high, axis=0)])
     return boxes
 
 
