@@ -152,9 +152,9 @@ if TYPE_CHECKING:
     from rr1plan.multi.execution.temporal_plan_graph import Node as Node
     from rr1plan.multi.execution.temporal_plan_graph import PlanGraph as PlanGraph
     from rr1plan.multi.execution.temporal_plan_graph import plan_graph as plan_graph
+    from rr1plan.multi.many_arms_result import GroupResult as GroupResult
+    from rr1plan.multi.many_arms_result import ManyArmsResult as ManyArmsResult
     from rr1plan.multi.plan_quality import PlanQuality as PlanQuality
-    from rr1plan.multi.portfolio import GroupResult as GroupResult
-    from rr1plan.multi.portfolio import ManyArmsResult as ManyArmsResult
     from rr1plan.multi.portfolio import plan_many_arms as plan_many_arms
     from rr1plan.multi.scenarios.problems import dual_arm_shelf as dual_arm_shelf
     from rr1plan.multi.scenarios.problems import random_grid as random_grid
@@ -386,8 +386,9 @@ _EXPORTS = {
     "rr1plan.multi.execution.running_plan": ("Part", "RunningPlan"),
     "rr1plan.multi.execution.saved_plan_graph": ("load_plan_graph", "save_plan_graph"),
     "rr1plan.multi.execution.temporal_plan_graph": ("Dependency", "Node", "PlanGraph", "plan_graph"),
+    "rr1plan.multi.many_arms_result": ("GroupResult", "ManyArmsResult"),
     "rr1plan.multi.plan_quality": ("PlanQuality",),
-    "rr1plan.multi.portfolio": ("GroupResult", "ManyArmsResult", "plan_many_arms"),
+    "rr1plan.multi.portfolio": ("plan_many_arms",),
     "rr1plan.multi.scenarios.problems": ("dual_arm_shelf", "random_grid", "reach_grid", "ring_swap"),
     "rr1plan.multi.scenarios.workcell_problems": ("conveyor_line", "handover_window", "shared_bin", "shelf_rows"),
     "rr1plan.multi.timing.schedule": ("Leg", "Schedule"),

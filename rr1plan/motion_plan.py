@@ -20,7 +20,7 @@ from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from rr1plan.multi.portfolio import ManyArmsResult
+    from rr1plan.multi.many_arms_result import ManyArmsResult
     from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram
     from rr1plan.playback.schedules.timeline import Timeline
     from rr1plan.playback.simulation.replay import Replay

@@ -17,7 +17,7 @@ from rr1plan.planners import MANY_ARMS_PLANNERS
 from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
-    from rr1plan.multi.portfolio import ManyArmsResult
+    from rr1plan.multi.many_arms_result import ManyArmsResult
     from rr1plan.multi.timing.schedule import Schedule
     from rr1plan.playback.schedules.timeline import Timeline
 

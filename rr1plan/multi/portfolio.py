@@ -18,24 +18,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
-from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, Value, as_generator, counted, known_name, number_from_zero, of_kind
+from rr1plan.checks import Array, Seed, as_generator, known_name, number_from_zero, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.execution.separated_schedules import SeparatedSchedules, separate
 from rr1plan.multi.in_parallel import in_parallel, processors
 from rr1plan.multi.interaction import meeting_groups
+from rr1plan.multi.many_arms_result import GroupResult, ManyArmsResult
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
-from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, Preflight, no_path_to_any_goal, preflight, with_goal, with_other_goals
-from rr1plan.multi.search.agent_schedules import AgentSchedules, Statistics
+from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.improvement import PlanImprover
@@ -58,104 +56,6 @@ _METHODS = ("portfolio", _SEARCH)
 # the budget. Like the preflight, that work grows with the number of arms and the load of the machine, so from then on
 # at least this multiple of the preflight's time is reserved.
 _RESERVE, _MOST_RESERVE, _PREFLIGHTS = 0.1, 0.05, 3.0
-
-
-@dataclass(frozen=True)
-class GroupResult:
-    """The result of one interaction group.
-
-    Args:
-        arms: Its arms.
-        stage: The last stage that was needed: "timing", "detours", "eviction", "space-time", "composite", "windows" or
-            "sequential", or the method "conflict_based_search"; empty if none did.
-        seconds: Wall time [s].
-        reason: Why there is no solution, as text; empty if there is one.
-        statistics: Counts of the search's operations.
-        suboptimality: Proven bound: the sum of its arrival times is at most this multiple of the minimum on the
-            searched roadmaps, on which each arm stops at each vertex; None: unknown.
-    """
-
-    arms: tuple[str, ...]
-    stage: str
-    seconds: float
-    reason: str = ""
-    statistics: Statistics = field(default_factory=Statistics)
-    suboptimality: float | None = None
-
-    @property
-    def found(self) -> bool:
-        """Whether there is a schedule for all of its arms."""
-        return not self.reason
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ManyArmsResult(Value):
-    """The result of planning many arms.
-
-    Args:
-        status: Outcome.
-        reason: Why there is no motion, as text.
-        trajectory: All moving arms on one clock, columns in the order of the problem; or None.
-        paths: The path of each arm.
-        schedules: When each agent moves along its path; an agent is one arm, or a few that move as one.
-        groups: Result of each interaction group.
-        seconds: Wall time [s].
-        quality: Makespan, path length, waiting, and the slowest arm alone.
-        first: Likewise for the first plan, before `improvement`; None if there is no plan.
-        improvements: Number of attempted improvements.
-        history: (seconds, makespan [s]) of the first plan and of each plan with a shorter makespan.
-    """
-
-    status: PlanStatus
-    reason: str = ""
-    trajectory: Trajectory | None = None
-    paths: Mapping[str, Path] = field(default_factory=dict)
-    schedules: tuple[Schedule, ...] = ()
-    groups: tuple[GroupResult, ...] = ()
-    seconds: float = 0.0
-    quality: PlanQuality = field(default_factory=PlanQuality)
-    first: PlanQuality | None = None
-    improvements: int = 0
-    history: tuple[tuple[float, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "paths", MappingProxyType(dict(self.paths)))
-
-    @property
-    def found(self) -> bool:
-        """Whether there is a motion."""
-        return self.status is PlanStatus.FOUND
-
-    def __bool__(self) -> bool:
-        """The same as `found`."""
-        return self.found
-
-    @cached_property
-    def separated(self) -> SeparatedSchedules:
-        """The same motion with a schedule for each arm, wherever an order of the arms is certified."""
-        return separate(self.schedules)
-
-    @property
-    def inseparable(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of arms that can only move as one, because no order in which they pass each other is certified."""
-        return tuple(schedule.arms for schedule in self.separated.schedules if len(schedule.arms) > 1)
-
-    @property
-    def makespan(self) -> float:
-        """When the last arm arrives [s]."""
-        return self.quality.makespan
-
-    @property
-    def ratio(self) -> float:
-        """Makespan over the duration of the fastest motion found for the slowest arm alone; 1 if nothing moves."""
-        return self.quality.ratio
-
-    def __repr__(self) -> str:
-        if not self.found:
-            return f"ManyArmsResult({self.status.value}: {self.reason})"
-        stages = ", ".join(dict.fromkeys(group.stage for group in self.groups))
-        timing = f"{self.makespan:.3f} s, {self.ratio:.2f} times the slowest arm alone"
-        return f"ManyArmsResult({counted(len(self.paths), 'arm')}, {timing}, by {stages})"
 
 
 def plan_many_arms(

@@ -25,8 +25,9 @@ from rr1plan.errors import InputError, RetimingError
 from rr1plan.multi.execution.present_motions import PresentMotions
 from rr1plan.multi.execution.running_plan import LATEST, Part, RunningPlan, Stop, part_of, stops_of
 from rr1plan.multi.execution.single_arm_motions import Attempt, NewMotion, SingleArmMotions, joined
+from rr1plan.multi.many_arms_result import ManyArmsResult
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.portfolio import ManyArmsResult, plan_many_arms
+from rr1plan.multi.portfolio import plan_many_arms
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path

@@ -17,8 +17,8 @@ from rr1plan.errors import InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, passed_gridpoints, route_of
 from rr1plan.multi.execution.route_motion import RouteMotion, gentler
 from rr1plan.multi.execution.separated_schedules import schedules_of_arms
+from rr1plan.multi.many_arms_result import ManyArmsResult
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.schedule import Occupancy, Schedule, rest_row
 from rr1plan.scene import Scene

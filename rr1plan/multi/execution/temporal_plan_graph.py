@@ -26,9 +26,9 @@ from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
 from rr1plan.multi.execution.running_plan import RunningPlan
 from rr1plan.multi.execution.running_routes import running_order, running_route
+from rr1plan.multi.many_arms_result import ManyArmsResult
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_memory import PathMemory
-from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.passing_order import Precedence, Step, order_between, passage
 from rr1plan.progress import ProgressCallback, fraction_callback, step_callback
