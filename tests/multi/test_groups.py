@@ -137,6 +137,16 @@ def test_no_body_moves_farther_than_the_reach_of_its_arms(grid: rp.Problem) -> N
     assert largest > 0.5
 
 
+def test_bodies_are_placed_along_paths_only_where_the_ends_do_not_tell(rr1: rp.Robot) -> None:
+    for problem, placed in ((rp.ring_swap(rr1, 2, 0.4, rng=0), False), (random_grid(rr1, 2, 0.8, 0), True)):
+        pools = [PathPool(Agent(problem, [arm]), 0.002, np.random.default_rng(0)) for arm in problem.arms]
+        one, two = (path for path in (pool.add({})[0] for pool in pools) if path is not None)
+        touches = DiagramCache().may_touch(one, two)
+        assert touches or placed
+        assert [path.placed_bytes > 0 for path in (one, two)] == [placed, placed]
+        assert may_touch(one, two, 0.002) == touches
+
+
 def test_ends_keep_what_their_diagram_keeps(pools: dict[str, PathPool]) -> None:
     diagrams = DiagramCache()
     for one, two in combinations([pool.paths[0] for pool in pools.values()], 2):

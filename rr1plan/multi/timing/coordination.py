@@ -113,12 +113,19 @@ def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
         two: A path of another agent, of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
     """
+    return ends_in_the_way(one, two, margin) or boxes_intersect(one, two, margin)
+
+
+def ends_in_the_way(one: AgentPath, two: AgentPath, margin: float) -> bool:
+    """Whether a start or goal of one path may be in the way of a start or goal of another one; see `may_touch`."""
+    return bool(_conflicts_of_ends(one, two, cross_pairs(one.agent, two.agent, margin)).any())
+
+
+def boxes_intersect(one: AgentPath, two: AgentPath, margin: float) -> bool:
+    """The same as `may_touch`, for which the bodies have to be placed along both paths, which takes longer."""
     pairs = cross_pairs(one.agent, two.agent, margin)
     if pairs.value.group_pair_count == 0:
         return False
-    # Where one arm ends in the way of another, boxes around whole paths, which take longer, are not needed.
-    if _conflicts_of_ends(one, two, pairs).any():
-        return True
     a, b = one.boxes[:, None], two.boxes[None]
     distance = pairs.targets["padding"][..., None]
     return bool(((a[..., :3] <= b[..., 3:] + distance) & (b[..., :3] <= a[..., 3:] + distance)).all(axis=2).any())

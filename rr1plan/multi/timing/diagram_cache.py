@@ -12,7 +12,13 @@ from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_memory import PathMemory
 from rr1plan.multi.preflight import MARGINS, margins_up_to
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
+from rr1plan.multi.timing.coordination import (
+    Blocked,
+    boxes_intersect,
+    coordination_diagram,
+    ends_are_apart,
+    ends_in_the_way,
+)
 from rr1plan.multi.timing.schedule import extended
 
 _FEWEST = 3  # fewest diagrams for which threads are started
@@ -58,10 +64,12 @@ class DiagramCache:
             one: A path of an agent.
             two: A path of another one.
         """
+        if ends_in_the_way(one, two, self._sizes[0]):
+            return True
         for path in (one, two):
             if not path.has_boxes:
                 self._memory.place(path, stop=self._stop)
-        return may_touch(one, two, self._sizes[0])
+        return boxes_intersect(one, two, self._sizes[0])
 
     def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
         """The extended diagram of two paths; None if all of it is free.
