@@ -26,7 +26,7 @@ from rr1plan.robot.bounding_boxes import bounding_box
 from rr1plan.scene.scene_elements import Obstacle
 from rr1plan.shapes import Mesh
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity, convex_shapes, enclosed_volume, is_closed
-from rr1plan.shapes.mesh_files import load_mesh
+from rr1plan.shapes.mesh_files import WIDEST_MESH, load_mesh
 from rr1plan.transforms import as_pose, identity
 
 _log = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ def load_body(
     positive_number("density", density)
     mesh = load_mesh(path, scale=scale)
     length = float(np.ptp(mesh.vertices, axis=0).max())
-    if length > _HUGE:
+    if _HUGE < length <= WIDEST_MESH:  # load_mesh warns of wider ones
         _log.warning("%s is %.4g m long; a file in millimeters needs scale=0.001", path, length)
     try:
         weight = density * _volume(mesh) if mass is None else positive_number("mass", mass)

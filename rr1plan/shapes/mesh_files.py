@@ -39,7 +39,7 @@ MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
 # Wider meshes and scans are probably in millimeters [m].
-_WIDEST = 50.0
+WIDEST_MESH = 50.0
 # Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj")
 GLTF = (".gltf", ".glb")
@@ -144,7 +144,7 @@ def warn_of_millimeters(place: str, kind: str, parts: Sequence[Array]) -> None:
     """
     advice = "multiply its points by 0.001" if kind == "scan" else "scale it by 0.001"
     width = max(float(np.ptp(points, axis=0).max()) for points in parts)
-    if width > _WIDEST:
+    if width > WIDEST_MESH:
         log.warning("%s: the %s is %.4g m wide; if it is in millimeters, %s", place, kind, width, advice)
 
 

@@ -391,7 +391,10 @@ def test_a_mesh_file_becomes_a_body_of_its_volume(tmp_path: Path, caplog: pytest
     assert rp.load_body(tmp_path / "brick.stl", scale=0.001, mass=1.0).mass == 1.0
     assert caplog.messages == []
     rp.load_body(tmp_path / "brick.stl")
-    assert "brick.stl is 300 m long; a file in millimeters needs scale=0.001" in caplog.text
+    rp.load_body(tmp_path / "brick.stl", scale=0.1)
+    wide, long = caplog.messages
+    assert "brick.stl: the mesh is 300 m wide; if it is in millimeters, scale it by 0.001" in wide
+    assert "brick.stl is 30 m long; a file in millimeters needs scale=0.001" in long
     both = [trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1), pose([1.1, 0.0, 1.0]))]
     trimesh.util.concatenate(both).export(tmp_path / "two.obj")
     pieces = rp.load_body(tmp_path / "two.obj", scale=0.1, convex="pieces")
