@@ -166,15 +166,19 @@ def _discard(stream: TextIO) -> None:
 
 
 class _WarningPrinter(logging.Handler):
-    """Prints log records on a console."""
+    """Prints log records on a console, each message once: a scene may load the same file with other options."""
 
     def __init__(self, console: Console) -> None:
         super().__init__(logging.WARNING)
         self._console = console
+        self._printed: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one record."""
-        self._console.warn(self._console.spelled(record.getMessage()))
+        message = record.getMessage()
+        if message not in self._printed:
+            self._printed.add(message)
+            self._console.warn(self._console.spelled(message))
 
 
 class StageTimes:

@@ -644,6 +644,14 @@ def test_warnings_of_the_library_are_said_on_stderr_but_not_when_quiet(capsys: p
     assert capsys.readouterr().err == ""
 
 
+def test_a_robot_with_other_options_in_a_scene_repeats_no_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("bare.urdf").write_text(BARE)
+    arms = '[arms.left]\nrobot = "bare.urdf"\n[arms.right]\nrobot = "bare.urdf"\ntool = "b"\n'
+    Path("two.toml").write_text(arms)
+    assert run(["view", "two.toml", "--html", "two.html"]) == OK
+    assert capsys.readouterr().err.count("bare: no link has a <collision>") == 1
+
+
 def test_warnings_are_seen_in_a_program_that_sets_up_no_logging() -> None:
     Path("bare.urdf").write_text(BARE)
     program = "import rr1plan; rr1plan.load_robot('bare.urdf')"
