@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakValueDictionary
 
 from rr1plan.checks import check_text, file_path, items_of, known_name, resolved_path
@@ -28,6 +28,9 @@ from rr1plan.scene.moveit_scene import read_moveit_scene
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_toml import RobotLoader, SceneFile, read_scene
 from rr1plan.shapes.convex_decomposition import Convexity
+
+if TYPE_CHECKING:
+    from rr1plan.robot.mjcf import MjcfContent
 
 _URDF_SUFFIXES, _MJCF_SUFFIXES = (".urdf", ".xacro"), (".xml", ".mjcf")
 # USD and SDF, which are not read.
@@ -138,6 +141,28 @@ def load_robot(
             rad or m.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
+    robot, content = _load(name_or_file, srdf, groups, joints, package_dirs, convex, tool, xacro_arguments)
+    if content is not None:
+        content.warn_of_surroundings()
+    return robot
+
+
+def load_arm_robot(name_or_file: str | Path, **options: Any) -> Robot:
+    """A robot as `load_robot` makes it, for an arm of a scene file, which lists all obstacles of the scene."""
+    return _load(name_or_file, **options)[0]
+
+
+def _load(
+    name_or_file: str | Path,
+    srdf: str | Path | Literal[False] | None = None,
+    groups: Sequence[str | Sequence[str]] | None = None,
+    joints: Sequence[str] | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    convex: Convexity = "hull",
+    tool: str | None = None,
+    xacro_arguments: XacroArguments | None = None,
+) -> tuple[Robot, MjcfContent | None]:
+    """The robot of `load_robot`, and the content of its file if it is MJCF."""
     if tool is not None:
         check_text("tool", tool)
     _check_folders(package_dirs)
@@ -145,8 +170,10 @@ def load_robot(
     if file.suffix.lower() in _MJCF_SUFFIXES and is_mjcf(file):
         if xacro_arguments is not None:
             raise InputError(f"{file} is MJCF; option xacro_arguments is for xacro files")
-        tree, own = _read_mjcf(file, package_dirs, convex, tool)
+        content = _read_mjcf(file, package_dirs, convex, tool)
+        tree, own = content.tree, content.semantics
     else:
+        content = None
         tree, own = _read_tree(file, package_dirs, convex, xacro_arguments), None
     semantics = _semantics(srdf, beside, tree, own)
     if folder is not None:
@@ -164,7 +191,7 @@ def load_robot(
         options["groups"] = [group if isinstance(group, str) else list(group) for group in groups]
     if xacro_arguments is not None:
         options["xacro_arguments"] = {str(n): argument_text(value) for n, value in xacro_arguments.items()}
-    return _shared(replace(robot, load_options=options))
+    return _shared(replace(robot, load_options=options)), content
 
 
 def _check_folders(package_dirs: Sequence[str | Path]) -> None:
@@ -234,15 +261,11 @@ def _conversion(file: Path) -> str:
     return "; export it as URDF or MJCF from the program that wrote it" if _is_foreign(file) else ""
 
 
-def _read_mjcf(
-    file: Path, package_dirs: Sequence[str | Path], convex: Convexity, tool: str | None
-) -> tuple[Tree, Semantics]:
+def _read_mjcf(file: Path, package_dirs: Sequence[str | Path], convex: Convexity, tool: str | None) -> MjcfContent:
     # Importing MuJoCo takes a fifth of a second.
     from rr1plan.robot.mjcf import read_mjcf
 
-    content = read_mjcf(file, package_dirs=package_dirs, convex=convex, tool=tool)
-    content.warn_of_surroundings()
-    return content.tree, content.semantics
+    return read_mjcf(file, package_dirs=package_dirs, convex=convex, tool=tool)
 
 
 def _read_tree(
@@ -309,7 +332,7 @@ def load_scene(name_or_file: str | Path) -> Scene:
     return load_scene_file(name_or_file).scene
 
 
-def load_scene_file(name_or_file: str | Path, robot_loader: RobotLoader = load_robot) -> SceneFile:
+def load_scene_file(name_or_file: str | Path, robot_loader: RobotLoader = load_arm_robot) -> SceneFile:
     """Load a scene like `load_scene`, together with the named queries of the file.
 
     Args:

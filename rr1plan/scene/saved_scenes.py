@@ -16,7 +16,7 @@ from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.robot import Robot
 from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.scene import Arm, Scene
-from rr1plan.scene.model_library import load_robot, locate_robot, robot_names
+from rr1plan.scene.model_library import load_arm_robot, locate_robot, robot_names
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_toml import RobotLoader, parse_scene, scene_text
 
@@ -58,7 +58,7 @@ def save_scene(
     # One entry for each robot: the many arms of a scene often share one.
     entries: dict[Robot, str] = {}
     names = dict(robots or {})
-    load = _once_for_each(load_robot)
+    load = _once_for_each(load_arm_robot)
     for name, arm in scene.arms.items():
         if not names.get(name):
             names[name] = entries.get(arm.robot) or entries.setdefault(arm.robot, _robot_entry(name, arm.robot, load))
