@@ -138,6 +138,19 @@ def test_limits_that_no_configuration_reaches_make_a_joint_continuous(
     assert "joint 'b' has" not in caplog.text
 
 
+@pytest.mark.parametrize(("length", "is_said"), [(0.2, False), (200, True)])
+def test_a_robot_that_seems_to_be_in_millimeters_is_said(
+    arm: Path, length: float, is_said: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm.write_text(arm.read_text().replace("<axis", f'<origin xyz="0 0 {length}"/><axis'))
+    rp.load_robot(arm)
+    said = "arm: its joints reach 600 m from the base; if its file is in millimeters, multiply all lengths by 0.001"
+    assert (said in caplog.text) == is_said
+    arm.write_text(arm_text(("a", 0, length), ("b", -1, 1)).replace("revolute", "prismatic"))
+    rp.load_robot(arm)
+    assert ("arm: its joints reach 201 m from the base" in caplog.text) == is_said
+
+
 def test_a_planning_joint_with_an_endless_limit_on_one_side_or_of_a_slide_is_refused(arm: Path) -> None:
     text = arm_text(("a", -1, 1), ("b", 0, 1e16))
     for urdf, limits in ((text, "0 to 1e"), (text.replace("revolute", "prismatic").replace('"0"', '"-1e16"'), "-1e")):

@@ -21,6 +21,7 @@ from rr1plan.robot.link_masses import with_assumed_masses
 from rr1plan.robot.self_contacts import self_contacts
 from rr1plan.robot.srdf import Semantics, chain_joints
 from rr1plan.robot.urdf import Tree
+from rr1plan.shapes.mesh_files import WIDEST_MESH
 
 log = logging.getLogger(__name__)
 
@@ -98,6 +99,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     )
     if not groups and choice.joints is None:
         robot = _with_arm_end(tree, robot, choice.tool)
+    _warn_of_millimeters(robot)
     robot = with_assumed_masses(robot)
     keeps_home = "home" in states and np.array_equal(robot.home, states["home"])
     robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, keeps_home)
@@ -133,6 +135,20 @@ def _with_arm_end(tree: Tree, robot: Robot, tool: str | None) -> Robot:
             robot.name, len(robot.joint_names), robot.tool, robot.base, tip, left_out,
         )  # fmt: skip
     return robot
+
+
+def _warn_of_millimeters(robot: Robot) -> None:
+    """Log that a robot reaches so far that the lengths of its file seem to be in millimeters."""
+    reach = {link.name: 0.0 for link in robot.bodies[0]}
+    for joint in robot.joints:
+        if joint.child not in reach:
+            slides = joint.kind == "prismatic" and joint.name in robot.joint_names
+            travel = max(-joint.lower, joint.upper) if slides else 0.0
+            reach[joint.child] = reach[joint.parent] + float(np.linalg.norm(joint.origin[:3, 3])) + travel
+    farthest = max(reach.values())
+    if farthest > WIDEST_MESH:
+        text = "%s: its joints reach %.4g m from the base; if its file is in millimeters, multiply all lengths by 0.001"
+        log.warning(text, robot.name, farthest)
 
 
 def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
