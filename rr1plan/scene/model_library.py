@@ -251,7 +251,9 @@ def _is_foreign(file: Path) -> bool:
 
 def _fault(file: Path) -> str:
     """Why a path cannot be that of a robot or a scene."""
-    return "is a folder" if file.is_dir() else f"has the suffix {file.suffix!r}"
+    if file.is_dir():
+        return "is a folder"
+    return f"{'' if file.exists() else 'does not exist and '}has the suffix {file.suffix!r}"
 
 
 def _conversion(file: Path) -> str:
@@ -379,7 +381,7 @@ def _scene_file(name_or_file: str | Path) -> Path:
     if (
         not isinstance(name_or_file, str)
         or len(file.parts) > 1
-        or _is_foreign(file)
+        or file.suffix
         or (name not in scene_names() and file.exists())
     ):
         expected = ", ".join(_SCENE_SUFFIXES)

@@ -459,6 +459,11 @@ def test_an_unknown_scene_lists_the_near_ones() -> None:
         load_scene("rr1_tabel")
 
 
+def test_a_name_with_a_suffix_is_a_file_that_is_missing() -> None:
+    with pytest.raises(InputError, match=r"scene file 'missing\.json' does not exist and has the suffix '\.json', exp"):
+        load_scene("missing.json")
+
+
 def test_a_robot_in_place_of_a_scene_and_a_scene_in_place_of_a_robot_are_named() -> None:
     with pytest.raises(InputError, match=r"arm\.urdf is a robot, expected a scene; Scene\(\)\.with_arm"):
         load_scene("arm.urdf")
