@@ -70,9 +70,11 @@ class Dependency(NamedTuple):
 
     def __str__(self) -> str:
         waits, first = listed(self.node.arms), listed(self.after.arms)
+        do, its = ("does", "its") if len(self.node.arms) == 1 else ("do", "their")
+        have, their = ("has", "its") if len(self.after.arms) == 1 else ("have", "their")
         return (
-            f"{waits} does not go beyond its planned position at {self.node.time:.3f} s "
-            f"before {first} has reached its planned position at {self.after.time:.3f} s"
+            f"{waits} {do} not go beyond {its} planned position at {self.node.time:.3f} s "
+            f"before {first} {have} reached {their} planned position at {self.after.time:.3f} s"
         )
 
 
