@@ -390,6 +390,12 @@ def counted(number: int, noun: str, plural: str | None = None) -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
+def millimeters(length: float, digits: int = 3) -> str:
+    """A length [m] as text with so many digits: "2.5 mm", "3000 mm"."""
+    text = f"{1e3 * length:.{digits}g}"
+    return f"{float(text):.0f} mm" if "e+" in text else f"{text} mm"
+
+
 def listed(names: Sequence[str]) -> str:
     """Names as in a sentence: "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import rr1plan as rp
+from rr1plan.checks import millimeters
 from rr1plan.cli.console import Console, progress_callback
 from rr1plan.cli.exit_codes import INVALID_PLAN, NO_PLAN, OK
 from rr1plan.cli.many_arms_output import (
@@ -62,8 +63,8 @@ def plan(options: Namespace, console: Console) -> int:
     motion = with_stages(motion, console.watch.seconds)
     console.say(str(motion))
     if options.margin is not None and (kept := kept_margin(motion)) < options.margin:
-        wanted = 1e3 * options.margin
-        console.say(f"margin: {1e3 * kept:.3g} mm kept, not {wanted:.4g} mm, because there is too little room")
+        wanted = millimeters(options.margin, 4)
+        console.say(f"margin: {millimeters(kept)} kept, not {wanted}, because there is too little room")
     say_many(motion, console)
     for kind, file in files.items():
         console.say(f"{kind}: {file}")

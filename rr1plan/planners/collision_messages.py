@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, millimeters
 from rr1plan.collision import CollisionChecker, Contact
 from rr1plan.files.toml_writer import toml_key, toml_text
 from rr1plan.scene import Scene
@@ -64,8 +64,8 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
     gap, both = _gap(checker, contact), f"{contact.a!r} and {contact.b!r}"
     if gap > _TOUCH:
         padding = _distance_to_keep(checker, contact)
-        return f"{both} are {1000.0 * gap:.3g} mm apart, nearer than the padding of {1000.0 * padding:.3g} mm"
-    return f"{both} touch" if gap > -_TOUCH else f"{both} overlap by {-1000.0 * gap:.3g} mm"
+        return f"{both} are {millimeters(gap)} apart, nearer than the padding of {millimeters(padding)}"
+    return f"{both} touch" if gap > -_TOUCH else f"{both} overlap by {millimeters(-gap)}"
 
 
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:

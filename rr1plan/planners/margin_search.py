@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
-from rr1plan.checks import Array, number_from_zero
+from rr1plan.checks import Array, millimeters, number_from_zero
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.planners import find_path, plan
 from rr1plan.planners.goal_configurations import GoalSearch, joint_goals
@@ -127,7 +127,7 @@ class _MarginSearch:
             return result, margin
         if hint is not None and not planner.keeps_shape:
             result = with_hint(self._problem.with_margin(margin), result, hint, self._progress)
-        kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (option margin)"
+        kept = f"the search kept {millimeters(margin)} beyond the padding (option margin)"
         without = "" if rest is None else ", and a brief one without found no path"
         return replace(result, reason=f"{result.reason}; {kept}{without}"), margin
 

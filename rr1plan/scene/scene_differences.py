@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rr1plan.checks import Array, counted, of_kind
+from rr1plan.checks import Array, counted, millimeters, of_kind
 from rr1plan.errors import InputError
 from rr1plan.object_cache import kept_in
 from rr1plan.robot import Geometry, Joint, Link, Robot
@@ -151,7 +151,7 @@ def _moved(before: Array, after: Array) -> Iterator[str]:
         return
     distance = float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
     angle = rotation_angle(before[:3, :3].T @ after[:3, :3])
-    parts = [f"moved by {1e3 * distance:.4g} mm"] if distance > 0.0 else []
+    parts = [f"moved by {millimeters(distance, 4)}"] if distance > 0.0 else []
     parts += [f"turned by {angle:.4g} rad"] if angle > 0.0 else []
     yield " and ".join(parts) or "moved by less than can be measured"
 
@@ -237,12 +237,12 @@ def _part_content(part: Link | Joint) -> str:
 
 def _rules(before: Scene, after: Scene) -> Iterator[str]:
     if before.padding != after.padding:
-        yield f"the padding is {1e3 * after.padding:.4g} mm, was {1e3 * before.padding:.4g} mm"
+        yield f"the padding is {millimeters(after.padding, 4)}, was {millimeters(before.padding, 4)}"
     yield from _pairs("contact is allowed between", before.allowed, after.allowed)
     for both in sorted({*before.pair_padding, *after.pair_padding}, key=sorted):
         old, new = (scene.pair_padding.get(both, scene.padding) for scene in (before, after))
         if old != new or (both in before.pair_padding) != (both in after.pair_padding):
-            yield f"the padding between {_listed(both)} is {1e3 * new:.4g} mm, was {1e3 * old:.4g} mm"
+            yield f"the padding between {_listed(both)} is {millimeters(new, 4)}, was {millimeters(old, 4)}"
 
 
 def _pairs(rule: str, before: frozenset[Pair], after: frozenset[Pair]) -> Iterator[str]:

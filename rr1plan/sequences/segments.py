@@ -15,6 +15,7 @@ from rr1plan.checks import (
     finite_number,
     items_of,
     known_name,
+    millimeters,
     near_array,
     positive_number,
     shown,
@@ -210,7 +211,7 @@ class MoveGripper(Value):
         if self.around is not None:
             return f"gripper around {self.around!r}"
         if self.width is not None:
-            return f"gripper to {_millimeters(self.width)}"
+            return f"gripper to {millimeters(self.width, 4)}"
         if isinstance(self.position, str):
             return f"gripper to {self.position!r}"
         return f"gripper joint to {self.position:.4g}"
@@ -340,12 +341,8 @@ def _shift(offset: Array, in_tool: bool) -> str:
     """An offset in a few words."""
     if offset[0] == offset[1] == 0.0:
         ways = ("back", "ahead") if in_tool else ("down", "up")
-        return f"{_millimeters(abs(float(offset[2])))} {ways[int(offset[2] > 0.0)]}"
+        return f"{millimeters(abs(float(offset[2])), 4)} {ways[int(offset[2] > 0.0)]}"
     return f"by {_vector(offset)} m{' in the axes of the tool' * in_tool}"
-
-
-def _millimeters(length: float) -> str:
-    return f"{1000.0 * length:.4g} mm" if length < 10.0 else f"{1000.0 * length:.0f} mm"
 
 
 def _vector(values: Array) -> str:

@@ -15,7 +15,7 @@ from typing import overload
 
 import numpy as np
 
-from rr1plan.checks import counted, of_kind, positive_number
+from rr1plan.checks import counted, millimeters, of_kind, positive_number
 from rr1plan.errors import BackendError, InputError, NoPlanError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.playback.simulation.arm_variation import ArmVariation
@@ -172,7 +172,7 @@ def _replayed_sequence(plan: SequencePlan, tolerance: float, dt: float) -> Seque
     for one in replay.objects.values():
         if one.max_offset > NEAR:
             lost = replay.replay.record.times[int(np.argmax(one.offsets > NEAR))]
-            wrong.append(f"{one.name} is {1e3 * one.max_offset:.3g} mm from its plan, lost at {lost:.2f} s")
+            wrong.append(f"{one.name} is {millimeters(one.max_offset)} from its plan, lost at {lost:.2f} s")
     if replay.max_error > tolerance:
         wrong.append(_late(replay.replay, replay.arm_joints, tolerance))
     if wrong:

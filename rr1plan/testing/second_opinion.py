@@ -9,7 +9,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, check_callback, counted, items_of, known_name, of_kind, positive_number
+from rr1plan.checks import Array, check_callback, counted, items_of, known_name, millimeters, of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.progress import ProgressCallback, fraction_callback
@@ -64,7 +64,7 @@ class Disagreement:
 
     def __str__(self) -> str:
         says = f"{' and '.join(self.touching)}: contact, {' and '.join(self.free)}: none"
-        where = f"{' and '.join(self.pair)} at {self.time:.5f} s ({1e3 * self.distance:.3g} mm)"
+        where = f"{' and '.join(self.pair)} at {self.time:.5f} s ({millimeters(self.distance)})"
         return f"{where}: {says}; {counted(self.samples, 'sample')}"
 
 

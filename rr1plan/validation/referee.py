@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rr1plan.checks import Array, check_callback, of_kind, positive_number, true_or_false
+from rr1plan.checks import Array, check_callback, millimeters, of_kind, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
@@ -288,7 +288,7 @@ def _contact(scene: Scene, contact: PairFinding) -> Violation:
     """The violation for a contact, or for a pair that could not be distinguished from one."""
     value, time, first, (a, b) = contact.clearance, contact.time, contact.first, contact.pair
     padding = scene.padding_of(a, b)
-    kept = f", of which {1000.0 * padding:.3g} mm is padding" if padding > 0.0 else ""
+    kept = f", of which {millimeters(padding)} is padding" if padding > 0.0 else ""
     advice = contact_advice(scene, a, b, value + padding)
     advice = f"; {advice}" if advice else ""
     if value <= 0.0:

@@ -80,6 +80,7 @@ def test_a_padding_counts_in_how_far_to_lift(held: rp.Scene) -> None:
     near = reason(table_with_can(held.arms["rr1"].robot, 0.002).with_padding(0.003, "can", "table"))
     assert re.search("are 2 mm apart, nearer than the padding of 3 mm", near)
     assert "rests" not in near
+    assert "nearer than the padding of 3000 mm" in reason(held.with_padding(3.0, "rr1/hand_link", "table"))
 
 
 def test_a_held_object_deep_in_an_obstacle_is_not_said_to_rest(held: rp.Scene) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rr1plan.checks import millimeters
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
 from rr1plan.playback.simulation.replay import ReplayContact
 
@@ -52,7 +53,7 @@ class ContactLog:
         """Add passages from `FastBodies` in the step that ends at `time` [s]; of each pair the first is kept."""
         for (body, other), distance in passages.items():
             text = (
-                f"{body!r} moved by {1e3 * distance:.3g} mm in the step to {time:.3f} s, into or through {other!r}: "
+                f"{body!r} moved by {millimeters(distance)} in the step to {time:.3f} s, into or through {other!r}: "
                 "take a smaller time step"
             )
             self._passages.setdefault((body, other), text)

@@ -33,6 +33,7 @@ from rr1plan.checks import (
     counted,
     finite_number,
     known_name,
+    millimeters,
     near_array,
     of_kind,
     positive_number,
@@ -280,7 +281,7 @@ class Simulation:
         """The loose bodies that are deep in others at present, in words."""
         depths = {pair: depth for tile in self.tiles for pair, depth in tile.deep_contacts().items()}
         return tuple(
-            f"{a!r} and {b!r} overlap by {1e3 * depth:.3g} mm: they began in each other, or their contact is too soft "
+            f"{a!r} and {b!r} overlap by {millimeters(depth)}: they began in each other, or their contact is too soft "
             "for the mass, speed or force of one; move them apart, or take a smaller time step, masses that are "
             "closer, or a weaker grasp"
             for (a, b), depth in depths.items()
