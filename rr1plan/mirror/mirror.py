@@ -24,7 +24,16 @@ from typing import TextIO
 import mujoco
 import numpy as np
 
-from rr1plan.checks import Array, check_callback, file_path, finite_number, of_kind, positive_number, read_only
+from rr1plan.checks import (
+    DEGREES,
+    Array,
+    check_callback,
+    file_path,
+    finite_number,
+    of_kind,
+    positive_number,
+    read_only,
+)
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import writing
 from rr1plan.mirror.corridor import Corridor, CorridorPosition, certified_corridor
@@ -321,11 +330,18 @@ class Mirror:
         """Record events that begin or end with a state."""
         is_inside = state.corridor is None or state.proven_free
         if was_inside and not is_inside and state.corridor is not None:
-            self._notice(MirrorEvent(state.time, "outside", f"left the certified corridor: {_reason(state)}"))
+            why = f"{_reason(state)}{self._unit_hint(state.q)}"
+            self._notice(MirrorEvent(state.time, "outside", f"left the certified corridor: {why}"))
         elif is_inside and not was_inside:
             self._notice(MirrorEvent(state.time, "inside", "inside the certified corridor again"))
         for pair in sorted(set(state.contacts) - set(self.state.contacts if self.state else ())):
             self._notice(MirrorEvent(state.time, "contact", f"{pair[0]} and {pair[1]} touch"))
+
+    def _unit_hint(self, q: Array) -> str:
+        """A hint if a joint that turns is outside its limits by more than half a turn, as in degrees; else empty."""
+        limits, turns = self.scene.limits(), ~np.array(self._reader.joints.slides)
+        over = np.maximum(limits.lower - q, q - limits.upper) > np.pi
+        return f" {DEGREES}" if (over & turns[self._reader.joints.indices(self.scene.joint_names())]).any() else ""
 
 
 def _reason(state: MirrorState) -> str:

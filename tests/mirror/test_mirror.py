@@ -113,6 +113,16 @@ def test_leaving_the_corridor_is_an_alarm_and_coming_back_is_told(scene: rp.Scen
     assert "outside the certified corridor from" in str(report)
 
 
+@pytest.mark.parametrize(("unit", "is_hinted"), [(math.degrees(1.0), True), (1.2, False)])
+def test_positions_in_degrees_are_recognized(
+    scene: rp.Scene, plan: rp.Trajectory, unit: float, is_hinted: bool
+) -> None:
+    with rp.Mirror(scene, plan) as mirror:
+        mirror.run(rp.StateMessage(m.time, m.joint_names, unit * m.positions, m.received) for m in messages(plan))
+    assert mirror.events[0].kind == "outside"
+    assert ("are these degrees?" in mirror.events[0].message) == is_hinted
+
+
 def test_nothing_is_proven_while_a_locked_joint_is_elsewhere(scene: rp.Scene, plan: rp.Trajectory) -> None:
     stream = [
         rp.StateMessage(m.time, (*ARM, "rr1/finger_joint"), [*m.positions, 0.9 * (10 <= k < 20)], received=m.received)
