@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import HEAVIEST, Array, read_only
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.xml_reader import Element
 from rr1plan.robot import Geometry, Inertial, Link
@@ -197,6 +197,8 @@ def _inertial(element: Element, link: str) -> Inertial | None:
         return None
     if mass < 0.0:
         raise element.error(f"link {link!r} has mass {mass}, expected a number above zero")
+    if np.abs(inertia).max() > HEAVIEST:  # its moments might overflow
+        raise tensor.error(f"link {link!r} has an inertia up to {np.abs(inertia).max():.3g}, which no body has")
     inertia = _clipped(inertia)
     moments = np.linalg.eigvalsh(inertia)
     if moments[0] <= 0.0 and inertia.any():

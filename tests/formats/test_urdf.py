@@ -139,6 +139,7 @@ BAD = {
     "negative mass": (one_mass("-1"), "mass"),
     "mass of no body": (one_mass("1e300"), "link 'a' has mass 1e+300"),
     "inertia of no body": (one_mass(moments=("1e300", "1e300", "1e300")), "an inertia up to 1e+300"),
+    "inertia without moments": (one_mass(moments=("1e308",) * 3, cross="1e308"), "an inertia up to 1e+308"),
     "mass nan": (one_mass("nan"), "finite"),
     "inertia missing": (
         robot_text(link_text("a", '<inertial><mass value="1"/></inertial>')),
