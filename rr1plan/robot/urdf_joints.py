@@ -128,7 +128,8 @@ def _kind(element: Element, name: str) -> JointKind:
     if word not in _KINDS:
         raise element.error(f"joint {name!r} has the unknown type {word!r}, expected one of {', '.join(_KINDS)}")
     if _KINDS[word] != word:
-        log.warning("%s:%d: joint %r is %s, it is taken as fixed: bases stand still here", *element.at, name, word)
+        text = "%s:%d: joint %r is %s, it is taken as fixed: joints with several degrees of freedom are not modeled"
+        log.warning(text, *element.at, name, word)
     return _KINDS[word]
 
 
