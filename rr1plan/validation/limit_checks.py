@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rr1plan.checks import Array
+from rr1plan.checks import DEGREES, Array
 from rr1plan.report import Margin, Violation, ViolationKind
 from rr1plan.robot.joint_limits import Limits, selected_limits
 from rr1plan.scene import Arm
@@ -135,7 +135,8 @@ class Judgment:
                 ("BELOW", "below its lower", limits.lower[j], found.low[0, j], found.low_time[0, j]),
             ):
                 if self._flaws[j] & _C[f"FLAW_{flaw}"]:
-                    message = f"{name} is at {value:.9g} {unit} at {time:.6f} s, {side} limit {bound:.9g} {unit}"
+                    hint = f" {DEGREES}" if unit == "rad" and abs(value - bound) > np.pi else ""
+                    message = f"{name} is at {value:.9g} {unit} at {time:.6f} s, {side} limit {bound:.9g} {unit}{hint}"
                     findings.violations.append(
                         Violation("position", (name,), float(time), float(value), float(bound), message)
                     )

@@ -80,6 +80,14 @@ def test_a_position_beyond_its_limit_between_samples_is_caught(
     assert held.margins["position"].value == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("unit", "is_hinted"), [(np.degrees(1.0), True), (2.0, False)])
+def test_positions_that_seem_to_be_degrees_are_recognized(unit: float, is_hinted: bool, quintic: Make) -> None:
+    scene = scene_of(rp.load_robot("planar2r_limited"))
+    report = validate(quintic(["arm/joint1", "arm/joint2"], [0.0, 0.0], [2.0 * unit, 0.0]), scene)
+    (over,) = (v for v in report.violations if v.kind == "position")
+    assert over.message.endswith("(angles are in radians: are these degrees?)") == is_hinted
+
+
 def test_a_continuous_joint_has_no_position_limits(gripper: Make, quintic: Make) -> None:
     report = validate(quintic(["arm/turn"], [0.0], [100.0]), scene_of(gripper(rp.Sphere(0.01))))
     assert report.valid
