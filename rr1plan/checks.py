@@ -390,10 +390,15 @@ def counted(number: int, noun: str, plural: str | None = None) -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
+def rounded(number: float, digits: int = 3) -> str:
+    """A number with so many digits, large ones without an exponent: "2.5", "3000"."""
+    text = f"{number:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text else text
+
+
 def millimeters(length: float, digits: int = 3) -> str:
     """A length [m] as text with so many digits: "2.5 mm", "3000 mm"."""
-    text = f"{1e3 * length:.{digits}g}"
-    return f"{float(text):.0f} mm" if "e+" in text else f"{text} mm"
+    return f"{rounded(1e3 * length, digits)} mm"
 
 
 def listed(names: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rr1plan.checks import DEGREES, Array
+from rr1plan.checks import DEGREES, Array, rounded
 from rr1plan.report import Margin, Violation, ViolationKind
 from rr1plan.robot.joint_limits import Limits, selected_limits
 from rr1plan.scene import Arm
@@ -194,8 +194,8 @@ class Judgment:
         high, high_time, low, low_time = self._found.peaks[order, j].tolist()
         value, time = (high, high_time) if high >= -low else (-low, low_time)
         name, bound = self._columns.names[j], float(getattr(self._columns.limits, kind)[j])
-        excess = 100.0 * (value / bound - 1.0)
-        message = f"{name} has {kind} {value:.9g} {unit} at {time:.6f} s, limit {bound:.9g} {unit} (+{excess:.3g} %)"
+        over = f"+{rounded(100.0 * (value / bound - 1.0))} %"
+        message = f"{name} has {kind} {value:.9g} {unit} at {time:.6f} s, limit {bound:.9g} {unit} ({over})"
         findings.violations.append(Violation(kind, (name,), time, value, bound, message))
 
     def _add_jumps(self, findings: Findings, kind: ViolationKind, order: int, flaw: str) -> None:

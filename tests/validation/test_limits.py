@@ -32,6 +32,9 @@ def test_a_peak_between_samples_is_caught_to_a_millionth(kind: str, peak: float,
     assert (over.kind, over.subject) == (kind, ("arm/slide",))
     assert over.value == pytest.approx(peak, rel=1e-12)
     assert over.limit == pytest.approx(peak, rel=2e-6)
+    assert "(+0.0001 %)" in over.message
+    much = only(validate(move, scene_of(slider(rp.Sphere(0.1), **{kind: peak / 40.0}))))
+    assert "(+3900 %)" in much.message
     times = {"velocity": (0.5,), "acceleration": (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)}[kind]
     assert min(abs(over.time - t) for t in times) < 1e-5
     held = validate(move, scene_of(slider(rp.Sphere(0.1), **{kind: peak / (1.0 + 1e-12)})))
