@@ -294,6 +294,9 @@ def test_a_state_outside_the_limits_is_said_with_its_robot(arm: Path, caplog: py
     (arm.parent / "arm.srdf").write_text(STATE.replace('value="0.5"', 'value="1.5"'))
     rp.load_robot(arm)
     assert "arm: the state 'up' is outside the joints' limits (a at 1.5, not -1 to 1)\n" in caplog.text
+    (arm.parent / "arm.srdf").write_text(STATE.replace('value="0.5"', 'value="90"'))
+    rp.load_robot(arm)
+    assert "limits (a at 90, not -1 to 1) (angles are in radians: are these degrees?)\n" in caplog.text
 
 
 def test_a_home_outside_the_limits_is_moved_to_them(arm: Path, caplog: pytest.LogCaptureFixture) -> None:

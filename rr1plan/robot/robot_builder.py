@@ -401,7 +401,8 @@ def _configurations(
             continue
         which = ", ".join(f"{joints[j]} at {q[j]:.6g}, not {limits.lower[j]:.6g} to {limits.upper[j]:.6g}" for j in out)
         moved = "; it is moved by whole turns" if is_inside else "; it is moved to them" if state == "home" else ""
-        log.warning("%s: the state %r is outside the joints' limits (%s)%s", name, state, which, moved)
+        hint = f" {DEGREES}" if (turning & (np.abs(q) > WIDEST)).any() else ""
+        log.warning("%s: the state %r is outside the joints' limits (%s)%s%s", name, state, which, moved, hint)
     if inside and "home" not in found:
         found["home"] = inside.get("ready", next(iter(inside.values())))
     return found
