@@ -123,7 +123,8 @@ def dh_table(robot: Robot) -> DhTable:
         robot: A chain of revolute, continuous and prismatic joints.
 
     Raises:
-        InputError: a planning joint that does not move the tool, or one on the way to it that mimics another one.
+        InputError: a planning joint that does not move the tool, one on the way to it that mimics another one, or
+            planning joints in another order than in the arm.
     """
     of_kind("robot", robot, Robot)
     chain = chain_joints(robot.joints, robot.base, robot.tool)
@@ -133,6 +134,9 @@ def dh_table(robot: Robot) -> DhTable:
     for name in robot.joint_names:
         if name not in chain:
             raise InputError(f"joint {name!r} does not move the tool {robot.tool!r}; leave it out with option groups")
+    ordered = [name for name in chain if name in robot.joint_names]
+    if list(robot.joint_names) != ordered:
+        raise InputError(f"joints are {', '.join(robot.joint_names)}, expected the order in the arm, joints={ordered}")
     poses = robot.link_poses(np.zeros(robot.nq))
     joints = [robot.joint(name) for name in robot.joint_names]
     # Axes at the zero configuration, each as a point and a direction; last the tool with the direction of the last

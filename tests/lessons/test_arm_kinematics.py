@@ -145,6 +145,9 @@ def test_chains_that_have_no_table(tmp_path: Path) -> None:
         robot = rp.load_robot(file, groups=groups, tool="hand")
         with pytest.raises(rp.InputError, match=said):
             rp.dh_table(robot)
+    backwards = rp.load_robot("planar2r", joints=["joint2", "joint1"], tool="tool")
+    with pytest.raises(rp.InputError, match=r"joints are joint2, joint1, expected .*joints=\['joint1', 'joint2'\]"):
+        rp.dh_table(backwards)
 
 
 def test_the_columns_of_a_printed_table_are_aligned(rr1: rp.Robot) -> None:
