@@ -39,16 +39,21 @@ class Table:
         file: The file, for messages.
         path: Keys from the top to this table.
         text: The file's text, in which lines are searched.
+        top: The table of the whole file; None for that table.
     """
 
-    def __init__(self, data: Any, file: str | Path, path: tuple[str, ...] = (), text: str = "") -> None:
+    def __init__(
+        self, data: Any, file: str | Path, path: tuple[str, ...] = (), text: str = "", top: Table | None = None
+    ) -> None:
         self.file = file
         self.path = path
         self.text = text
+        self._top = top
         if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
             raise self.error(f"expected a table with named entries, got {shown(data)}")
         self._data = data
         self._asked: set[str] = set()
+        self._known: list[str] = []  # once all keys are known
 
     def __contains__(self, key: str) -> bool:
         self._asked.add(key)
@@ -138,7 +143,7 @@ class Table:
 
     def at(self, place: str, data: Any) -> Table:
         """Data as a table at a place in this one, such as "goal" or "goal[0]", which is not marked as read."""
-        return Table(data, self.file, (*self.path, place), self.text)
+        return Table(data, self.file, (*self.path, place), self.text, self._top or self)
 
     def tables(self, key: str) -> list[Table]:
         """A list of tables, empty if it is missing."""
@@ -181,11 +186,13 @@ class Table:
         Raises:
             FormatError: an unread key; the message suggests similar known keys.
         """
-        known = sorted(self._asked.union(later))
+        self._known = known = sorted(self._asked.union(later))
         for key in self.unasked():
             if key in later:
                 continue
-            raise self.error(str(UnknownNameError("key", key, known, near=_synonyms(key, known))), key)
+            is_of_top = self._top is not None and key in self._top._known
+            advice = f"A {key!r} of the whole file belongs before its first [table]." if is_of_top else ""
+            raise self.error(str(UnknownNameError("key", key, known, advice, _synonyms(key, known))), key)
 
     def error(self, message: str, key: str | None = None) -> FormatError:
         """A FormatError that names the entry."""

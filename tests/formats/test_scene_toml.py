@@ -322,6 +322,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
             SIMPLE + "[obstacles.a]\ncylinder = { radius = 1, height = 1 }\n",
             "no 'length', which is required. Did you mean 'length' where it says 'height'?",
         ),
+        (SIMPLE + "padding = 0.01\n", "xyz. A 'padding' of the whole file belongs before its first [table]."),
         (SIMPLE + "[query.a]\ngoal = 'home'\n", "scene.toml:4: query: unknown key 'query'. Did you mean 'queries'"),
         (
             "allowed = [['arm/link1', 'arm/link2']]\n[arm.arm]\nrobot = 'planar2r'\n",
