@@ -19,7 +19,7 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import LIMIT_NAMES
 from rr1plan.robot.robot_packages import PACKAGE, installed_robots
-from rr1plan.scene.model_library import load_robot, load_scene_file, robot_names, scene_names
+from rr1plan.scene.model_library import load_arm_robot, load_robot, load_scene_file, robot_names, scene_names
 from rr1plan.scene.scene_toml import SceneFile
 
 _REQUIRED = (
@@ -131,7 +131,7 @@ def scenes(options: Namespace, console: Console) -> int:
         console.result(values)
         return OK
     # Most scenes have the same few robots.
-    robot_loader = cache(load_robot)
+    robot_loader = cache(load_arm_robot)
     every = [_scene_values(load_scene_file(name, robot_loader)) for name in scene_names()]
     rows = [
         (v["name"], str(len(v["arms"])), str(len(v["obstacles"])), ", ".join(v["queries"]) or "-", v["description"])

@@ -252,11 +252,6 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
     missing jerk limit reaches the acceleration in 0.1 s.
     """
     velocity = np.array([j.velocity if np.isfinite(j.velocity) else UNKNOWN_VELOCITY[j.kind] for j in joints])
-    unknown = [j.name for j in joints if not np.isfinite(j.velocity)]
-    if unknown:
-        log.warning(
-            "no velocity limit for %s: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits", ", ".join(unknown)
-        )
     acceleration = _known([j.acceleration for j in joints], velocity / SECONDS_TO_VELOCITY)
     return Limits(
         lower=np.array([j.lower for j in joints]),
@@ -266,6 +261,17 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
         jerk=_known([j.jerk for j in joints], acceleration / SECONDS_TO_ACCELERATION),
         effort=np.array([j.effort for j in joints]),
     )
+
+
+def warn_of_unknown_velocities(robot: Robot, joints: Iterable[str]) -> None:
+    """Log the joints among some for which the robot's file has no velocity limit."""
+    unknown = [name for name in joints if not np.isfinite(robot.joint(name).velocity)]
+    if unknown:
+        text = (
+            "no velocity limit for %s: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits, or in a scene "
+            "file by limits = { velocity = [...] } of the arm"
+        )
+        log.warning(text, ", ".join(unknown))
 
 
 def _known(values: Sequence[float], default: Array) -> Array:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rr1plan.errors import FormatError, InputError
-from rr1plan.robot.robot_builder import Choice, assemble
+from rr1plan.robot.robot_builder import Choice, assemble, warn_of_unknown_velocities
 from rr1plan.scene import Arm, Obstacle, Scene
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def read_mjcf_scene(file: Path) -> Scene:
             f"has {len(content.surroundings)} things around the robot, expected at most {_MOST_SURROUNDINGS}", file
         )
     arm = Arm(assemble(content.tree, content.semantics, Choice()))
+    warn_of_unknown_velocities(arm.robot, arm.robot.joint_names)
     obstacles: dict[str, Obstacle] = {}
     allowed: set[frozenset[str]] = set()
     for thing in content.surroundings:

@@ -15,7 +15,7 @@ from rr1plan.errors import FormatError, InputError, InstallationError, UnknownNa
 from rr1plan.files.file_access import is_regular
 from rr1plan.robot import Robot
 from rr1plan.robot.mjcf_document import is_mjcf
-from rr1plan.robot.robot_builder import Choice, assemble
+from rr1plan.robot.robot_builder import Choice, assemble, warn_of_unknown_velocities
 from rr1plan.robot.robot_folder import RobotFolder, read_robot_folder
 from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.robot.srdf import Semantics, joined_semantics, read_srdf
@@ -144,11 +144,12 @@ def load_robot(
     robot, content = _load(name_or_file, srdf, groups, joints, package_dirs, convex, tool, xacro_arguments)
     if content is not None:
         content.warn_of_surroundings()
+    warn_of_unknown_velocities(robot, robot.joint_names)
     return robot
 
 
 def load_arm_robot(name_or_file: str | Path, **options: Any) -> Robot:
-    """A robot as `load_robot` makes it, for an arm of a scene file, which lists all obstacles of the scene."""
+    """A robot as `load_robot` makes it, for an arm of a scene file, which has all obstacles and may have limits."""
     return _load(name_or_file, **options)[0]
 
 

@@ -40,6 +40,7 @@ from rr1plan.files.file_access import read_text, text_stem
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import LIMIT_NAMES
+from rr1plan.robot.robot_builder import warn_of_unknown_velocities
 from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.robot.xacro import XacroArguments, argument_text
 from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
@@ -188,6 +189,9 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
 def _with_settings(robot: Robot, entry: Table) -> Robot:
     if "limits" in entry:
         robot = _with_limits(robot, entry)
+    given = entry.raw("limits", {})
+    if not isinstance(given, str) and "velocity" not in given:
+        warn_of_unknown_velocities(robot, robot.joint_names)
     return _with_locked_joints(robot, entry) if _locked_key(entry) in entry else robot
 
 

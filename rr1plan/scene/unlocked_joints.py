@@ -10,13 +10,14 @@ import numpy as np
 
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import Limits, selected_limits
-from rr1plan.robot.robot_builder import urdf_limits
+from rr1plan.robot.robot_builder import urdf_limits, warn_of_unknown_velocities
 from rr1plan.scene import Arm, Scene
 
 
 @lru_cache(maxsize=256)
 def unlocked_robot(robot: Robot, joints: tuple[str, ...]) -> Robot:
     """The same robot with some locked joints as its last planning joints, at their current values."""
+    warn_of_unknown_velocities(robot, joints)
     rows = [robot.joint(name) for name in joints]
     values = [robot.locked_joints[name] for name in joints]
     return replace(

@@ -221,6 +221,19 @@ def test_a_file_may_give_some_limits_and_keep_the_others(tmp_path: Path) -> None
     assert all(np.array_equal(getattr(read, n), getattr(kept, n)) for n in ("lower", "upper", "velocity", "jerk"))
 
 
+def test_velocities_that_a_scene_file_gives_are_not_said_to_be_unknown(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    joint = '<parent link="a"/><child link="b"/><limit lower="-1" upper="1" effort="1"/>'
+    text = f'<robot name="bare"><link name="a"/><link name="b"/><joint name="j" type="revolute">{joint}</joint></robot>'
+    (tmp_path / "bare.urdf").write_text(text)
+    for limits, is_said in (("acceleration = [2]", True), ("velocity = [2]", False)):
+        (tmp_path / "scene.toml").write_text(f'[arms.arm]\nrobot = "bare.urdf"\nlimits = {{ {limits} }}\n')
+        caplog.clear()
+        load_scene(tmp_path / "scene.toml")
+        assert ("no velocity limit for j: 1 rad/s (0.25 m/s) is taken" in caplog.text) == is_said
+
+
 def test_limits_that_no_preset_has_are_written_out(tmp_path: Path) -> None:
     robot = load_robot("planar2r")
     scene = Scene().with_arm("arm", robot.with_limits(robot.limits.scaled(velocity=0.25)))
