@@ -84,8 +84,9 @@ class Kinematics:
         if not isinstance(frame, str):
             raise InputError(f"frame is {shown(frame)}, expected a name")
         arm, slash, link = frame.partition("/")
-        # Links may have a "/" in their names, arms have none.
-        is_link = arm not in self.scene.arms and any(frame in self.scene.arms[a].robot.link_names for a in self.arms)
+        # Links may have a "/" in their names, also after the name of an arm, as in exported scenes; arms have none.
+        is_full = arm in self.scene.arms and link in ("tool", *self.scene.arms[arm].robot.link_names)
+        is_link = not is_full and any(frame in self.scene.arms[a].robot.link_names for a in self.arms)
         if not slash or is_link:
             arm, link = "", frame
         if not arm and len(self.arms) != 1:

@@ -396,6 +396,16 @@ def test_two_arms_are_two_groups(folder: Path, caplog: pytest.LogCaptureFixture)
     )
 
 
+def test_links_that_begin_with_the_name_of_the_arm_are_frames(folder: Path, planar2r: rp.Robot) -> None:
+    scene = rp.load_scene(rp.save_mjcf(folder / "again.xml", rp.Scene().with_arm("arm", planar2r)))
+    kinematics, q = rp.Kinematics(scene), scene.configuration()
+    assert kinematics.frame("arm/link2") == kinematics.frame("arm/arm/link2") == "arm/arm/link2"
+    assert kinematics.frame("arm/tool") == f"arm/{scene.arms['arm'].robot.tool}"
+    np.testing.assert_array_equal(kinematics.pose(q, "arm/link2"), kinematics.pose(q, "arm/arm/link2"))
+    with pytest.raises(rp.UnknownNameError, match="unknown frame 'link3'"):
+        kinematics.frame("arm/link3")
+
+
 def test_what_is_not_the_robot_is_said(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     robot = load(folder, CASES["two arms and a cube"])
     assert not {"cube", "table"} & set(robot.link_names)
