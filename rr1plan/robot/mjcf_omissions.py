@@ -60,7 +60,7 @@ def warn_of_omissions(compiled: CompiledDocument, shapes: MjcfLinkReader, link_o
 
 
 def _closed_loops(model: mujoco.MjModel, bodies: Container[int]) -> list[str]:
-    """Active equalities that connect or weld two bodies of robots."""
+    """Active equalities that connect or weld two bodies of robots, or one that joints move with the world."""
     return [
         model.eq(e).name or f"equality {e}"
         for e in range(model.neq)
@@ -72,7 +72,13 @@ def _joins_robots(model: mujoco.MjModel, equality: int, bodies: Container[int]) 
     ends = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]))
     if int(model.eq_objtype[equality]) == int(mujoco.mjtObj.mjOBJ_SITE):
         ends = (int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]]))
-    return all(end in bodies for end in ends)
+    return all(end in bodies or end == 0 for end in ends) and (0 not in ends or _is_moved(model, max(ends)))
+
+
+def _is_moved(model: mujoco.MjModel, body: int) -> bool:
+    """Whether joints other than the free joint of a base move a body."""
+    top = int(model.body_weldid[body])
+    return top != 0 and int(model.jnt_type[model.body_jntadr[top]]) != int(mujoco.mjtJoint.mjJNT_FREE)
 
 
 def _coupling_tendons(model: mujoco.MjModel, bodies: Container[int]) -> list[str]:

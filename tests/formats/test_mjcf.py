@@ -562,6 +562,14 @@ def test_a_loop_is_named_and_its_joints_held(folder: Path, caplog: pytest.LogCap
     )
 
 
+@pytest.mark.parametrize(("body", "is_loop"), [("two", True), ("base", False)])
+def test_a_loop_through_the_world_is_named(
+    folder: Path, caplog: pytest.LogCaptureFixture, body: str, is_loop: bool
+) -> None:
+    load(folder, GRIPPER.replace("<equality>", f'<equality><weld name="held" body1="{body}"/>'))
+    assert ("move independently: held" in caplog.text) == is_loop
+
+
 def test_a_planned_joint_that_depends_on_another_by_a_polynomial_is_said_to_move(
     folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
