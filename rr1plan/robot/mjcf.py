@@ -334,8 +334,9 @@ class _Reader:
         roots = sorted(
             map(self.link_of.__getitem__, self.roots), key=lambda r: tool is None or not finder.is_below(tool, r)
         )
+        held = {self.joints.names[joint] for joint in self.joints.constants}
         found: dict[str, tuple[tuple[str, ...], str]] = {}
-        for joints in (finder.driven, finder.moving):
+        for joints in (finder.driven - held, finder.moving - held):
             finder.driven = joints  # all joints if only grippers are driven
             for root in roots if not found else ():
                 wanted = tool if tool is not None and finder.is_below(tool, root) else None

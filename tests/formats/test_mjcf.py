@@ -553,6 +553,12 @@ def test_hidden_shapes_collide_though_their_bits_are_off(folder: Path, caplog: p
     assert "hidden groups" in caplog.text
 
 
+def test_a_joint_that_an_equality_holds_is_locked(folder: Path) -> None:
+    robot = load(folder, GRIPPER.replace("<equality>", '<equality><joint joint1="second" polycoef="0.4 0 0 0 0"/>'))
+    assert "second" not in robot.joint_names
+    assert robot.locked_joints["second"] == 0.4
+
+
 def test_a_loop_is_named_and_its_joints_held(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     text = GRIPPER.replace("<equality>", '<equality><connect name="closed" body1="left" body2="right" anchor="0 0 0"/>')
     assert load(folder, text).nq == 3
