@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 _WIDEST = 100.0  # [inch]
+_LONGEST = 60  # name [characters]
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # The same figure gives the same bytes.
 _NO_DATES: dict[str, dict[str, object]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -55,6 +56,11 @@ PLAIN_TEXT: dict[str, object] = {"text.parse_math": False, "svg.hashsalt": "rr1p
 
 _LIGHT = Look("#ffffff", "#22262b", "#667080", "#e9edf1", "#c9ced6", "#d1003f", "#ffffff")
 _DARK = Look("#161b22", "#eef1f4", "#9aa5b3", "#262d37", "#4a5361", "#ff5c86", "#9aa5b3")
+
+
+def shortened(name: str) -> str:
+    """A name for a legend or an axis, of at most 60 characters."""
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
 
 
 def break_lines(text: Text, room: float) -> None:

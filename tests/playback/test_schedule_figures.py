@@ -140,6 +140,15 @@ def test_long_names_stay_inside_the_figures(line: rp.Timeline) -> None:
         assert 0.0 <= box.y0 < box.y1 <= frame.y1, text
 
 
+def test_long_names_of_arms_leave_room_for_the_time_line(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("m" * 300, planar2r)
+    figure = rp.timeline(moving(scene.joint_names(), [0.0, 1.0], [[0.1, 0.1]]), scene).figure()
+    figure.draw_without_rendering()
+    (label,) = figure.axes[0].get_yticklabels()
+    assert label.get_text() == "m" * 59 + "…"
+    assert label.get_window_extent().x0 >= 0.0
+
+
 def test_a_diagram_has_axes_in_seconds_and_in_path_length(tmp_path: Path) -> None:
     picture = diagram()
     np.testing.assert_allclose(picture.curve("length"), [[0, 0], [0, 3], [1.5, 3], [4, 3]])

@@ -29,7 +29,7 @@ from rr1plan.playback.cspace.cspace_lines import place_names
 from rr1plan.playback.cspace.cspace_torus import draw_torus, drawn_layers
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
-from rr1plan.playback.figure_files import PLAIN_TEXT, break_lines, drawing
+from rr1plan.playback.figure_files import PLAIN_TEXT, break_lines, drawing, shortened
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
@@ -45,7 +45,6 @@ STYLE = {
     "hatch.linewidth": 1.6,
 }
 _MOST_COLUMNS = 5  # of the legend
-_LONGEST = 60  # name in the legend [characters]
 _MOST_PASSES = 20  # of the layout
 
 
@@ -108,17 +107,11 @@ def swatch(color: str, pattern: int, **options: Any) -> Patch:
     return Patch(facecolor=color, edgecolor=ink_on(color), hatch=HATCHES[pattern], **options)
 
 
-def _shortened(name: str) -> str:
-    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
-
-
 def _legend(cspace: CSpaceQuery, unnamed: set[str]) -> list[Artist]:
     """The symbols of layers without a name, of trees and of components."""
     colors, patterns = {**layer_colors(cspace.grid), LIMITS: LIMIT_COLOR}, layer_patterns(cspace.grid)
     handles: list[Artist] = [
-        swatch(color, patterns.get(name, 0), label=_shortened(name))
-        for name, color in colors.items()
-        if name in unnamed
+        swatch(color, patterns.get(name, 0), label=shortened(name)) for name, color in colors.items() if name in unnamed
     ]
     tree = cspace.drawn_tree
     if tree is not None:

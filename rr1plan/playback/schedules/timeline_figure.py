@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from rr1plan.checks import counted
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.figure_files import Look, break_lines, drawing, look_of, style_of
+from rr1plan.playback.figure_files import Look, break_lines, drawing, look_of, shortened, style_of
 
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline_rows import TimelineRows
@@ -55,13 +55,14 @@ def _draw_frame(axes: Axes, line: TimelineRows, look: Look) -> None:
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.tick_params(axis="y", length=0)
+    names = [shortened(arm) for arm in line.arms]
     if count <= _MOST_NAMED:
-        axes.set_yticks(range(count), line.arms)
+        axes.set_yticks(range(count), names)
         for label in axes.get_yticklabels():
             label.set_color(look.ink)
     else:
         every = -(-count // 20)
-        axes.set_yticks(range(0, count, every), line.arms[::every])
+        axes.set_yticks(range(0, count, every), names[::every])
     axes.grid(axis="x", color=look.faint, linewidth=1.0)
     axes.set_axisbelow(True)
     axes.axvline(line.start + line.makespan, color=look.ink, linewidth=1.2)
