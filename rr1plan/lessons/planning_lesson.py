@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from html import escape
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -105,6 +106,12 @@ class PlanningLesson(Lesson):
         """The length of a path with its unit."""
         return f"{record.cost:.{length_digits(self.scale)}f}{self.unit}"
 
+    @property
+    def without_path(self) -> str:
+        """What is known about the query if no planner finds a path with its default options, else an empty text."""
+        found = any(self.variant(planner).record.found for planner in COLORS)
+        return "" if found else f"No planner found a path. {self.picture.verdict}"
+
     @cached_property
     def effect(self) -> Array:
         """For RRT, each step and bias: medians over seeds of edges checked and of path length, shape (4, 3, 2)."""
@@ -178,15 +185,22 @@ class PlanningLesson(Lesson):
                 checks, costs = record.edges_checked[found], record.costs[found]
                 axes.step(checks, costs, where="post", color=color, lw=2, ls=_DASHES.get(planner, (0, (4, 1, 1, 1))))
                 axes.plot(checks[0], costs[0], "o", color=color, ms=6, label=planner)
+        axes.set_title("length of the best path", fontsize=12, loc="left")
+        if self.without_path:
+            _write(axes, self.without_path)
+            return
         axes.set(xscale="log", xlabel="edges checked", ylabel=f"path [{self.unit.strip() or '-'}]")
         _plain_ticks(axes.xaxis)
-        axes.set_title("length of the best path", fontsize=12, loc="left")
-        if axes.lines:
-            axes.legend(fontsize=9, frameon=False, ncols=2)
+        axes.legend(fontsize=9, frameon=False, ncols=2)
         axes.spines[["top", "right"]].set_visible(False)
 
     def _draw_effect(self, axes: Axes) -> None:
         """Edges that RRT checks over its step, for each bias."""
+        axes.set_title(f"RRT, medians of {_SEEDS} seeds", fontsize=12, loc="left")
+        # Searches without a path end with their last sample, so that their edges say nothing about step and bias.
+        if not any(variant.record.found for variant in self.variants if variant.planner == "RRT"):
+            _write(axes, "RRT found no path, whatever its step and bias.")
+            return
         steps = [self.scale * share for share in _STEPS]
         for k, (bias, marker, dashes) in enumerate(zip(_BIASES, "osD", ("-", "--", ":"), strict=True)):
             label = f"goal bias {100 * bias:g} %"
@@ -195,9 +209,14 @@ class PlanningLesson(Lesson):
         _plain_ticks(axes.yaxis)
         axes.set_xticks(steps, [f"{step:.3g}" for step in steps], minor=False)
         axes.set_xticks([], minor=True)
-        axes.set_title(f"RRT, medians of {_SEEDS} seeds", fontsize=12, loc="left")
         axes.legend(fontsize=9, frameon=False)
         axes.spines[["top", "right"]].set_visible(False)
+
+
+def _write(axes: Axes, text: str) -> None:
+    """A text in place of a plot."""
+    axes.set_axis_off()
+    axes.text(0.0, 0.95, fill(text, 36), fontsize=12, va="top", transform=axes.transAxes)
 
 
 def _plain_ticks(axis: Axis) -> None:
@@ -285,6 +304,7 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
         end = f"a path of {lesson.length(record)}" if record.found else "no path"
         return f"Here: {len(record.vertices)} vertices, {record.edges_checked[-1]} edges checked, {end}."
 
+    none = f"<p>{escape(lesson.without_path)}</p>" if lesson.without_path else ""
     torus = ", here on the torus" if any(lesson.picture.grid.periodic) else ""
     texts = (
         (
@@ -294,7 +314,7 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
             are the obstacles’ images. A planner searches for a curve between them that stays in free space. No planner
             uses these areas: it can only <b>check an edge</b>, which is certified over its whole length.</p><p>Choose a
             planner, press <b>Grow</b> (P), or step with <kbd>,</kbd> and <kbd>.</kbd> A cross ✕ is a rejected sample or
-            the far end of a rejected edge. The arm is shown at the newest one.</p>""",
+            the far end of a rejected edge. The arm is shown at the newest one.</p>{none}""",
         ),
         (
             "dijkstra",
@@ -344,9 +364,9 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
         (
             "race",
             "The same query: length over work",
-            """<p>The chart shows the best path so far over the edges checked, which take most of a planner’s time.
+            f"""<p>The chart shows the best path so far over the edges checked, which take most of a planner’s time.
             RRT and RRT-Connect end with their first path; RRT* and PRM improve it; a lattice search has no path until
-            its last step. After planning, a path is shortened: see lesson “From path to motion”.</p>""",
+            its last step. After planning, a path is shortened: see lesson “From path to motion”.</p>{none}""",
         ),
         (
             "options",

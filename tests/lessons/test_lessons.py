@@ -164,6 +164,19 @@ def test_a_lesson_about_a_query_takes_one_without_a_path(tmp_path: Path) -> None
         rp.lesson("no_path", problem=rp.Problem(scene, [np.pi / 2, 0.3], rp.JointGoal([0.4, 0.3])))
 
 
+def test_planners_of_a_query_without_a_path_say_so_in_place_of_plots() -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (1.0, 0.7)))
+    wall = rp.Cylinder(0.15, 0.2)
+    scene = scene.with_obstacle("left", wall, (0.0, 0.6, 0.0)).with_obstacle("right", wall, (0.0, -0.6, 0.0))
+    lesson = rp.lesson("planning", problem=rp.Problem(scene, [0.0, 0.3], rp.JointGoal([3.0, 0.3])))
+    texts = {step.name: step.text for step in lesson.steps}
+    assert all("No planner found a path. No path exists: " in texts[name] for name in ("question", "race"))
+    race, effect = lesson.figure().axes[-2:]
+    assert "No planner found a path. No path exists: " in race.texts[0].get_text().replace("\n", " ")
+    assert "RRT found no path" in effect.texts[0].get_text()
+    assert "effect" not in vars(lesson)  # 120 searches that use all their samples
+
+
 def two_arms(first: str, second: str) -> rp.Scene:
     """Two arms that face each other."""
     scene = rp.Scene(name="own")

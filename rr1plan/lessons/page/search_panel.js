@@ -239,6 +239,7 @@ class Search extends Walk {
       pen.beginPath(); pen.moveTo(x(n), up); pen.lineTo(x(n), down); pen.stroke();
       pen.textAlign = "center"; pen.fillText(rough(n), x(n), down + 13);
     }
+    if (!costs.length) { pen.textAlign = "center"; pen.fillText("no path found", (left + right) / 2, (up + down) / 2); }
     pen.textAlign = "right";
     for (const [c, text] of marks) pen.fillText(text, left - 5, y(c) + 4);
     pen.textAlign = "left"; pen.fillText(`length of the best path${data.unit && ` [${data.unit.trim()}]`}`, left, 11);
