@@ -130,10 +130,9 @@ class KinematicsLesson(Lesson):
         from matplotlib.patheffects import withStroke
 
         q = np.array(self.scene.arms[self.arm_name].q)
-        both = self.flat.solutions(self.flat.points(q)[2])
-        for other in both:
-            if np.isfinite(other).all() and np.abs(np.angle(np.exp(1j * (other - q)))).max() > 1e-6:
-                axes.plot(*self.flat.points(other).T, "o--", color="#9aa5b3", lw=3, label="the other solution")
+        other = self._other_solution(q)
+        if other is not None:
+            axes.plot(*self.flat.points(other).T, "o--", color="#9aa5b3", lw=3, label="the other solution")
         axes.plot(*self.flat.points(q).T, "o-", color="#22262b", lw=5, ms=9)
         frames = self.table.frames(q)
         base = self.scene.arms[self.arm_name].base
@@ -166,9 +165,20 @@ class KinematicsLesson(Lesson):
         low, high = (edge(self._tool_places(), axis=0) for edge in (np.min, np.max))
         low, high = 0.5 * (low + high) - 0.56 * (high - low), 0.5 * (low + high) + 0.56 * (high - low)
         axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        axes.set_title("frames, both solutions, ellipses", loc="left")
+        axes.set_title(f"frames, {'both solutions, ' * (other is not None)}ellipses", loc="left")
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(loc="upper left", fontsize=11, frameon=False)
+
+    def _other_solution(self, q: Array) -> Array | None:
+        """The other configuration with the tool in the same place, if a sliding joint is within its limits there."""
+        limits = self.robot.limits
+        slides = np.array([kind == "P" for kind in self.flat.kinds])
+        for other in self.flat.solutions(self.flat.points(q)[2]):
+            away = np.where(slides, other - q, np.angle(np.exp(1j * (other - q))))
+            within = (other >= limits.lower) & (other <= limits.upper)
+            if np.abs(away).max() > 1e-6 and (within | ~slides).all():
+                return np.asarray(other)
+        return None
 
     def _tool_places(self) -> Array:
         """Positions of the tool in a grid over the configuration space [m], shape (k, 2)."""

@@ -416,6 +416,18 @@ def test_ellipses_grow_with_the_arm(size: float, kinds: str) -> None:
     assert 0.2 < wide / ({"RR": 1.7, "PP": 0.6}[kinds] * size) < 0.6
 
 
+@pytest.mark.parametrize(
+    ("kinds", "q", "shown"),
+    # A rod that slides backward through its sleeve, carriages on the other side of the tool, and a gantry.
+    [("RP", (0.6, 0.3), False), ("PR", (0.1, 0.8), False), ("PR", (0.1, 1.2), True), ("PP", (0.2, 0.2), False)],
+)
+def test_the_figure_shows_another_solution_within_the_limits(kinds: str, q: tuple[float, float], shown: bool) -> None:
+    lesson = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm(kinds, (0.8, 0.6)), q=q))
+    axes = lesson.figure().axes[0]
+    assert ("the other solution" in [line.get_label() for line in axes.lines]) == shown
+    assert ("both solutions" in axes.get_title("left")) == shown
+
+
 def test_the_figure_of_a_gantry_shows_its_range() -> None:
     lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm("PP", (1.0, 0.5))))
     low, high = lesson.figure().axes[0].get_xlim()
