@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 _CELLS = 120  # of the map of |det J|, along each joint
 # Colors of the x and y axes of frames, and of the velocity and force ellipses; safe for red-green color blindness.
 X_AXIS, Y_AXIS, VELOCITY, FORCE = "#d55e00", "#0072b2", "#a3428f", "#00805c"
-# On the picture of an arm with this reach [m]: lengths of 1 m/s [m] and of 1 N [m].
-REACH, SPEED, PULL = 1.7, 0.25, 0.1
+# On the picture of an arm with this reach [m]: lengths of 1 m/s [m], of 1 N [m] and of the axes of frames [m].
+REACH, SPEED, PULL, ARROW = 1.7, 0.25, 0.1, 0.28
 
 
 class KinematicsLesson(Lesson):
@@ -138,7 +138,7 @@ class KinematicsLesson(Lesson):
         base = self.scene.arms[self.arm_name].base
         for k, frame in enumerate(base @ frames):
             for axis, color in ((0, X_AXIS), (1, Y_AXIS)):
-                way = 0.28 * frame[:2, axis]
+                way = ARROW * self.reach / REACH * frame[:2, axis]
                 axes.annotate(
                     "", frame[:2, 3] + way, frame[:2, 3], arrowprops={"arrowstyle": "-|>", "color": color, "lw": 2}
                 )

@@ -408,12 +408,17 @@ def test_texts_on_kinematics_are_about_the_arm_shown(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kinds", ["RR", "PP"])
 @pytest.mark.parametrize("size", [0.1, 10.0])
-def test_ellipses_grow_with_the_arm(size: float, kinds: str) -> None:
+def test_ellipses_and_frames_grow_with_the_arm(size: float, kinds: str) -> None:
     lesson: Any = rp.lesson("kinematics", rp.Scene().with_arm("arm", rp.planar_arm(kinds, (size, 0.7 * size))))
     figure = lesson.figure()
     ellipses = [patch for patch in figure.axes[0].patches if hasattr(patch, "width") and patch.get_label() is not None]
     wide = max(patch.width for patch in ellipses if patch.get_label() == "velocity ellipse")
-    assert 0.2 < wide / ({"RR": 1.7, "PP": 0.6}[kinds] * size) < 0.6
+    reach = {"RR": 1.7, "PP": 0.6}[kinds] * size
+    assert 0.2 < wide / reach < 0.6
+    arrows = [text for text in figure.axes[0].texts if getattr(text, "arrowprops", None)]
+    assert max(np.linalg.norm(np.subtract(arrow.xy, arrow.xyann)) for arrow in arrows) / reach == pytest.approx(
+        0.165, 0.1
+    )
 
 
 @pytest.mark.parametrize(
