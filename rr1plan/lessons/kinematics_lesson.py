@@ -263,8 +263,8 @@ def _offset(value: float, unit: str) -> str:
 
 
 def _inverse(lesson: KinematicsLesson) -> str:
-    place = """<p>Tool at (<span data-live="x"></span>, <span data-live="y"></span>): solution 1 at
-        <span data-live="one"></span>, solution 2 at <span data-live="two"></span>. Press E to switch; drag the tool to
+    place = """<p>Tool at (<span data-live="x"></span>, <span data-live="y"></span>): solution 1
+        <span data-live="one"></span>, solution 2 <span data-live="two"></span>. Press E to switch; drag the tool to
         a boundary and see them coincide.</p>"""
     first, second = (abs(bar) for bar in lesson.flat.bars)
     match lesson.flat.kinds:

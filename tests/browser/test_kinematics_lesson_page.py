@@ -70,6 +70,19 @@ def test_matrices_are_the_products_of_link_transforms(
     assert in_units(page, "det", " m²") == pytest.approx(np.linalg.det(jacobian), abs=6e-4)
 
 
+def test_no_other_solution_is_named_beyond_the_limits(tab: Any, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PR", (0.8, 0.6)), q=(0.1, 0.8))
+    tab.open(rp.lesson("kinematics", scene).save_html(tmp_path / "rail.html"), "Boolean(window.RR1 && RR1.steps)")
+    tab.ask("RR1.steps.go(2)")
+    hidden = "document.querySelector('#lesson-kinematics').hidden"
+    assert (live(tab, "two"), tab.ask(hidden)) == ("out of range", True)
+    tab.ask("RR1.setQ([0.1, 1.2])")
+    assert (live(tab, "two"), tab.ask(hidden)) == ("(0.535 m, 111.2°)", False)
+    # The outline of an arm at a boundary is that of both solutions.
+    tab.ask("RR1.setQ([0.1, Math.PI / 2])")
+    assert (live(tab, "two"), tab.ask(hidden)) == ("the same", True)
+
+
 def test_lengths_have_digits_for_small_arms(tab: Any, tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (2e-3, 1.6e-3), width=1e-4))
     tab.open(rp.lesson("kinematics", scene).save_html(tmp_path / "small.html"), "Boolean(window.RR1 && RR1.ready)")

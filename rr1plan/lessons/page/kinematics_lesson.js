@@ -158,6 +158,7 @@ class KinematicsDrawing {
       x.visible = y.visible = tag.visible = on("frames");
     });
     const twin = this.twin(q), bars = twin && flat.places(twin);
+    if (on("twin")) this.legend.hidden = !twin;
     this.twinBars.forEach((bar, k) => {
       bar.visible = on("twin") && Boolean(twin);
       if (!bar.visible) return;
