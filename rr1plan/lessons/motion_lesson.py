@@ -178,7 +178,8 @@ class MotionLesson(Lesson):
                 axes.plot(*piece.T, line, color=color, lw=2, label=None if k else label)
         axes.set(xlim=extent[:2], ylim=extent[2:], xticks=[], yticks=[], box_aspect=1)
         axes.set_title("path", fontsize=13, loc="left")
-        axes.legend(fontsize=9, loc="lower right")
+        # Below the map, any part of which may have a path.
+        axes.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=3, frameon=False)
 
     def _draw_plane(self, axes: Axes) -> None:
         plane, s = self.plane, self.plane.grid.s

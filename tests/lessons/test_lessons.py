@@ -478,6 +478,16 @@ def test_maps_of_joints_with_different_units_are_square(name: str) -> None:
     assert box.width == pytest.approx(box.height)
 
 
+def test_the_legend_of_a_path_hides_nothing_of_its_map(lessons: dict[str, rp.Lesson]) -> None:
+    figure = lessons["motion"].figure()
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    legend = axes.get_legend()
+    assert legend is not None
+    # A pixel of both may be the same after rounding.
+    assert legend.get_window_extent().y1 <= axes.get_window_extent().y0 + 1.0
+
+
 @pytest.mark.parametrize(("joints", "unit"), [("PP", " m"), ("PR", "")])
 def test_lengths_have_the_unit_of_the_joints(joints: str, unit: str) -> None:
     scene = own_scene(joints)
