@@ -343,6 +343,10 @@ def test_a_slice_is_where_it_is_asked_for(rr1_table: rp.Scene) -> None:
     assert str(given) == str(stands) != str(here)
     zero = rp.cspace(rr1_table, joints=joints, at="zero", resolution=24)
     assert "a slice, at upper_arm_joint = 0, forearm_joint = 0, wrist_joint = 0, hand_joint = 0" in str(zero)
+    q[3] = -0.25
+    title = rp.cspace(rr1_table, joints=joints, at=q, resolution=24).figure().get_suptitle().replace("\n", " ")
+    assert "a slice, at upper_arm_joint = 0, forearm_joint = −0.25, wrist_joint = 0.8, hand_joint = 0.3 (" in title
+    q[3] = 0.3
     # Values of the two joints themselves are ignored, even beyond their limits.
     q[[0, list(rr1_table.arms["rr1"].robot.joint_names).index("elbow_joint")]] = 9.0
     assert np.array_equal(rp.cspace(rr1_table, joints=joints, at=q, resolution=24).grid.labels, given.grid.labels)

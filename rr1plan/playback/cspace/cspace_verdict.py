@@ -18,7 +18,7 @@ def describe(cspace: CSpaceQuery) -> str:
     first, second = grid.joint_names
     share = f"{100 * grid.free.mean():.1f} % free"
     lines = [f"configuration space of {first} and {second}: {_cells(cspace, 'x')}, {share}, {_parts(cspace)}"]
-    lines += _others(cspace)
+    lines += [f"  {text}" for text in [_slice(cspace, "-")] if text]
     lines += [f"  {name}: {100 * mask.mean():.1f} % of the cells" for name, mask in grid.layers.items()]
     for name, goal, reachable, blocked in zip(
         cspace.goal_names, cspace.goals, cspace.reachable_goals, cspace.goals_blocked_by, strict=True
@@ -37,11 +37,12 @@ def describe(cspace: CSpaceQuery) -> str:
     return "\n".join(lines)
 
 
-def _others(cspace: CSpaceQuery) -> list[str]:
-    """The values of the other joints of the arm, for a slice."""
+def _slice(cspace: CSpaceQuery, minus: str = "−") -> str:
+    """The values of the other joints of the arm; empty if there are none."""
     arm = cspace.grid.scene.arms[cspace.grid.arm]
     others = [(n, q) for n, q in zip(arm.robot.joint_names, arm.q, strict=True) if n not in cspace.grid.joint_names]
-    return [f"  a slice, at {', '.join(f'{name} = {value:.4g}' for name, value in others)}"] if others else []
+    values = ", ".join(f"{name} = {f'{value:z.4g}'.replace('-', minus)}" for name, value in others)
+    return f"a slice, at {values}" if others else ""
 
 
 def headline(cspace: CSpaceQuery) -> str:
@@ -54,7 +55,7 @@ def headline(cspace: CSpaceQuery) -> str:
         return "no path exists, start and goal lie in different components"
     if cspace.proves_no_path:
         return f"no path exists, {_why_none(cspace)}"
-    return "a slice" if _others(cspace) else ""
+    return _slice(cspace)
 
 
 def tone(cspace: CSpaceQuery) -> str:
