@@ -10,7 +10,6 @@ from rr1plan.lessons.mathml import math, sub
 from rr1plan.lessons.torus_picture import draw_torus_surface
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
-from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
 from rr1plan.scene import Scene
@@ -18,9 +17,6 @@ from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 
 class ConfigurationSpaceLesson(Lesson):
@@ -35,10 +31,6 @@ class ConfigurationSpaceLesson(Lesson):
         arm, _ = require_flat_arm(self.name, self.scene)
         self.picture = cspace(self.scene)
         self.steps = _steps(self.picture.grid, tuple(self.scene.arms[arm].q.tolist()))
-
-    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        document, panel = page_parts(self.picture, options=options)
-        return document, (panel,)
 
     def _data(self) -> Any:
         thrown = {name: int(mask.sum()) for name, mask in self.picture.grid.layers.items()}

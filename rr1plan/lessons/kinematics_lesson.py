@@ -12,7 +12,6 @@ from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_scenes import refuse_problem, require_flat_arm
 from rr1plan.lessons.mathml import math, matrix
 from rr1plan.playback.cspace.configuration_space import cspace
-from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.scene import Scene
@@ -22,9 +21,6 @@ from rr1plan.scene.problem import Problem
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _CELLS = 120  # of the map of |det J|, along each joint
 # Colors of the x and y axes of frames, and of the velocity and force ellipses; safe for red-green color blindness.
@@ -101,10 +97,6 @@ class KinematicsLesson(Lesson):
         return self.determinant(np.stack(np.meshgrid(*centers, indexing="ij"), axis=-1)), curves
 
     # ---- the page ------------------------------------------------------------------------
-
-    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        document, panel = page_parts(self.picture, options=options)
-        return document, (panel,)
 
     def _data(self) -> Any:
         values, curves = self.map()

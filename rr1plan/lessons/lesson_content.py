@@ -17,6 +17,7 @@ from rr1plan.scene.problem import Problem
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from rr1plan.playback.cspace.configuration_space import CSpace
     from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
@@ -51,7 +52,7 @@ class LessonStep:
 class LessonContent(NotebookView, ABC):
     """The content of a lesson: its steps, the document of its page and its picture.
 
-    Subclasses set `name`, `scene` and `steps`, and define `_page` and `_draw`.
+    Subclasses set `name`, `scene` and `steps`, set `picture` or define `_page`, and define `_draw`.
 
     Attributes:
         name: Its name.
@@ -62,15 +63,23 @@ class LessonContent(NotebookView, ABC):
     name: ClassVar[str]
     _aspect: float = 0.56  # of the figure: height / width
     scene: Scene
+    picture: CSpace
     steps: tuple[LessonStep, ...]
 
     @abstractmethod
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
         """Compute the content; None stands for the lesson's default."""
 
-    @abstractmethod
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        """The document of the page, and the panels next to the workspace."""
+        """The document of the page, and the panels next to the workspace: `picture` and those of `_panels`."""
+        from rr1plan.playback.cspace.cspace_page import page_parts
+
+        document, space = page_parts(self.picture, options=options)
+        return document, (space, *self._panels())
+
+    def _panels(self) -> tuple[Panel, ...]:
+        """The panels below the configuration space."""
+        return ()
 
     @abstractmethod
     def _draw(self, figure: Figure) -> None:

@@ -19,7 +19,6 @@ from rr1plan.lessons.search.tree_growth import grow_rrt_connect
 from rr1plan.lessons.seven_phases import PHASES, seven_phases
 from rr1plan.path import Path, edge_lengths
 from rr1plan.playback.cspace.configuration_space import cspace
-from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.retiming import retime
@@ -33,8 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
+    from rr1plan.playback.viewer.view_options import Panel
 
 _STEP, _SEED, _TRIES, _SHORTCUT_SEED = 0.4, 3, 60, 1
 BLENDS = (0.0, 0.03, 0.1, 0.4)  # these and the step: times the scale of lengths
@@ -117,8 +115,7 @@ class MotionLesson(Lesson):
 
     # ---- the page ------------------------------------------------------------------------
 
-    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        document, space = page_parts(self.picture, options=options)
+    def _panels(self) -> tuple[Panel, ...]:
         digits = length_digits(self.scale, 5)
         data = {
             "raw": np.round(clean(self.raw), digits).tolist(),
@@ -151,7 +148,7 @@ class MotionLesson(Lesson):
             "first_unit": self._first_unit,
             "colors": {"raw": RAW, "short": SHORT, "blend": BLENDED, "limit": LIMIT, "brake": BRAKE},
         }
-        return document, (space, lesson_panel("timing", "Motion", data))
+        return (lesson_panel("timing", "Motion", data),)
 
     # ---- the figure ----------------------------------------------------------------------
 

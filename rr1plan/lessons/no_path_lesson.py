@@ -18,7 +18,6 @@ from rr1plan.playback.cspace.configuration_space import CSpace, cspace
 from rr1plan.playback.cspace.cspace_colors import end_tints
 from rr1plan.playback.cspace.cspace_decomposition import Decomposition
 from rr1plan.playback.cspace.cspace_figure import swatch
-from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
 from rr1plan.playback.viewer.page_arrays import pack_array
@@ -28,9 +27,6 @@ from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 # Of the planner's unsuccessful search: short edges [rad or m] show the explored region.
 _RANGE, _ITERATIONS = 0.15, 1500
@@ -62,10 +58,6 @@ class NoPathLesson(Lesson):
         result = RrtConnect(range=_RANGE, tree=True).plan(problem, budget=Budget(10.0, _ITERATIONS), rng=0)
         self.picture = self.picture.with_result(result)
         self.steps = _steps(self.picture, self.cells)
-
-    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        document, panel = page_parts(self.picture, options=options)
-        return document, (panel,)
 
     def _data(self) -> Any:
         cells = self.cells

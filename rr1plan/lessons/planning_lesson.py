@@ -20,7 +20,6 @@ from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.lessons.search.tree_growth import grow_rrt, grow_rrt_connect, grow_rrt_star
 from rr1plan.model import Kinematics
 from rr1plan.playback.cspace.configuration_space import cspace
-from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.viewer.page_arrays import pack_array
 from rr1plan.scene import Scene
@@ -32,8 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-    from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
+    from rr1plan.playback.viewer.view_options import Panel
 
 # Colors of the planners, in the order of the lesson; safe for red-green color blindness, and lines differ in dashes.
 COLORS = {
@@ -124,8 +122,7 @@ class PlanningLesson(Lesson):
 
     # ---- the page ------------------------------------------------------------------------
 
-    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        document, space = page_parts(self.picture, options=options)
+    def _panels(self) -> tuple[Panel, ...]:
         kinematics = Kinematics(self.scene, self.problem.arms)
         search = lesson_panel(
             "search",
@@ -140,7 +137,7 @@ class PlanningLesson(Lesson):
             },
             ("walk.js",),
         )
-        return document, (space, search)
+        return (search,)
 
     # ---- the figure ----------------------------------------------------------------------
 

@@ -26,7 +26,6 @@ from rr1plan.lessons.potential_field import (
     wave,
 )
 from rr1plan.playback.cspace.configuration_space import cspace
-from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
@@ -36,8 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
+    from rr1plan.playback.viewer.view_options import Panel
 
 GAINS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # times the fourth power of the scale of lengths
 REACHES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # times that scale; offered if above the side of a cell
@@ -81,8 +79,7 @@ class PotentialFieldsLesson(Lesson):
 
     # ---- the page ------------------------------------------------------------------------
 
-    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        document, space = page_parts(self.picture, options=options)
+    def _panels(self) -> tuple[Panel, ...]:
         data = {
             "finer": FINER,
             "moves": [list(move) for move in MOVES],
@@ -92,7 +89,7 @@ class PotentialFieldsLesson(Lesson):
             "unit": length_unit(self.picture.grid.turns),
             "scale": self.scale,
         }
-        return document, (space, lesson_panel("potential", "Potential field", data, ("walk.js",)))
+        return (lesson_panel("potential", "Potential field", data, ("walk.js",)),)
 
     # ---- the figure ----------------------------------------------------------------------
 

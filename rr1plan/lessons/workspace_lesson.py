@@ -14,7 +14,6 @@ from rr1plan.lessons.mathml import math, sub
 from rr1plan.model.flat_arm import FlatArm
 from rr1plan.playback.cspace.configuration_space import CSpace, cspace
 from rr1plan.playback.cspace.cspace_grid import LIMITS
-from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
 from rr1plan.scene import Scene
@@ -22,9 +21,6 @@ from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _TURN = 2.0 * np.pi
 # Colors of regions reached in two ways and in one; safe for red-green color blindness, and one is hatched.
@@ -44,10 +40,6 @@ class WorkspaceLesson(Lesson):
         self.picture = cspace(self.scene)
         limited = bool(self.picture.grid.layers.get(LIMITS, np.False_).any())
         self.steps = _steps(self.arm, tuple(self.scene.arms[name].q.tolist()), limited)
-
-    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        document, panel = page_parts(self.picture, options=options)
-        return document, (panel,)
 
     def _data(self) -> Any:
         return {"colors": [TWICE, ONCE], "limits": LIMITS}
