@@ -13,7 +13,7 @@ from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
 from rr1plan.lessons.lesson_scenes import length_digits, length_scale, length_unit, require_query
 from rr1plan.lessons.mathml import math
-from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, fastest_motion, path_grid
+from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, fastest_motion, path_grid, signs_of
 from rr1plan.lessons.search.shortcut_steps import Shortcut, record_shortcuts
 from rr1plan.lessons.search.tree_growth import grow_rrt_connect
 from rr1plan.lessons.seven_phases import PHASES, seven_phases
@@ -183,9 +183,8 @@ class MotionLesson(Lesson):
         ends = np.column_stack([s[:-1], s[1:]]).ravel()
         axes.plot(ends, plane.limit.ravel(), color=LIMIT, lw=1.8, ls="--", label="limit curve")
         axes.fill_between(ends, plane.limit.ravel(), plane.limit.max() * 1.1, color=LIMIT, alpha=0.12)
-        rises = plane.acceleration >= 0.0
-        for k in range(len(rises)):
-            axes.plot(s[k : k + 2], plane.speed[k : k + 2], color=BLENDED if rises[k] else BRAKE, lw=2.6)
+        for k, sign in enumerate(signs_of(plane.acceleration)):
+            axes.plot(s[k : k + 2], plane.speed[k : k + 2], color=BRAKE if sign < 0.0 else BLENDED, lw=2.6)
         axes.plot([], [], color=BLENDED, lw=2.6, label="faster or steady")
         axes.plot([], [], color=BRAKE, lw=2.6, label="slower")
         switches = list(plane.switches)

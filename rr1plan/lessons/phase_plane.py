@@ -26,6 +26,7 @@ from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 
 FINEST = 0.02  # longest interval of the grid [rad]
+_STEADY = 1e-3  # largest acceleration of a motion that looks steady, as a share of its largest one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,12 +82,19 @@ class PhasePlane(Value):
     @property
     def switches(self) -> tuple[int, ...]:
         """Gridpoints at which the motion changes from accelerating or cruising to braking, or the reverse."""
-        small = 1e-6 * max(1.0, float(np.abs(self.acceleration).max()))
-        signs = np.where(np.abs(self.acceleration) < small, 0.0, np.sign(self.acceleration))
-        return tuple((np.flatnonzero(np.diff(signs)) + 1).tolist())
+        return tuple((np.flatnonzero(np.diff(signs_of(self.acceleration))) + 1).tolist())
 
     def __repr__(self) -> str:
         return f"PhasePlane({len(self.switches)} switching points, {self.duration:.3f} s)"
+
+
+def signs_of(acceleration: Array) -> Array:
+    """1 where a motion gets faster, -1 where it gets slower, 0 where it is steady.
+
+    At the limits of velocity, the smallest bend of a path changes its speed a little.
+    """
+    small = _STEADY * float(np.abs(acceleration).max())
+    return np.where(np.abs(acceleration) < small, 0.0, np.sign(acceleration))
 
 
 def phase_plane(

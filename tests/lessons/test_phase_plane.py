@@ -114,6 +114,16 @@ def test_the_motion_keeps_all_limits_and_cannot_be_faster(path: rp.Path, problem
     assert len(plane.switches) >= 4
 
 
+def test_a_path_that_bends_by_little_has_no_more_switching_points_than_a_line() -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    ends, middle = ([0.0, 0.0], [2.0, 1.0]), [1.0, 0.501]
+    line, bent = (
+        rp.phase_plane(rp.Path(("arm/joint1", "arm/joint2"), points), scene)
+        for points in (ends, [ends[0], middle, ends[1]])
+    )
+    assert len(line.switches) == len(bent.switches) == 2
+
+
 def test_the_limit_curve_is_the_largest_speed_of_brute_force(path: rp.Path, problem: rp.Problem) -> None:
     plane = rp.phase_plane(path, problem.scene)
     grid = plane.grid

@@ -60,9 +60,9 @@ function phasePlane(grid, velocity, acceleration) {
     x[i + 1] = Math.min(Math.max(0, x[i] + 2 * delta[i] * u[i]), reach[i + 1]);
     times[i + 1] = times[i] + (2 * delta[i]) / (Math.sqrt(x[i]) + Math.sqrt(x[i + 1]));
   }
-  const small = 1e-6 * Math.max(1, ...u.map(Math.abs)), sign = Array.from(u, (v) => (Math.abs(v) < small ? 0 : Math.sign(v)));
+  const small = 1e-3 * Math.max(...u.map(Math.abs)), sign = Array.from(u, (v) => (Math.abs(v) < small ? 0 : Math.sign(v)));
   const switches = sign.flatMap((v, i) => (i && v !== sign[i - 1] ? [i] : []));
-  return { limit, speed: x.map(Math.sqrt), acceleration: u, times, switches, duration: times[n] };
+  return { limit, speed: x.map(Math.sqrt), acceleration: u, sign, times, switches, duration: times[n] };
 }
 
 // ---- one joint: see seven_phases.py -------------------------------------------------------------------
@@ -358,9 +358,9 @@ class Timing {
     plane.limit.forEach(([a, b], i) => { pen[i ? "lineTo" : "moveTo"](x(grid.s[i]), y(a)); pen.lineTo(x(grid.s[i + 1]), y(b)); });
     pen.strokeStyle = colors.limit; pen.lineWidth = 1.6; pen.setLineDash([5, 3]); pen.stroke(); pen.setLineDash([]);
     pen.lineCap = "round";
-    plane.acceleration.forEach((u, i) => {
+    plane.sign.forEach((sign, i) => {
       pen.beginPath(); pen.moveTo(x(grid.s[i]), y(plane.speed[i])); pen.lineTo(x(grid.s[i + 1]), y(plane.speed[i + 1]));
-      const brakes = u < -1e-6;
+      const brakes = sign < 0;
       pen.strokeStyle = brakes ? colors.brake : colors.blend; pen.lineWidth = brakes ? 2 : 3.2; pen.stroke();
     });
     for (const k of plane.switches) disc(pen, x(grid.s[k]), y(plane.speed[k]), 3, INK);
