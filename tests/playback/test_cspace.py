@@ -389,6 +389,16 @@ def test_bad_arguments_are_named(lesson: rp.Scene, rr1_table: rp.Scene) -> None:
         grid.cell([10.0, 0.0])
 
 
+@pytest.mark.parametrize("travel", [0.1, 0.3, 0.7, 1.1, 1.3])
+def test_a_joint_at_its_limit_is_inside_the_picture(travel: float) -> None:
+    robot = rp.planar_arm("PP", (travel, 0.8), limits=[(0.0, travel), (-0.37 * travel, 0.8)])
+    grid = compute_grid(rp.Scene().with_arm("arm", robot, q=robot.limits.upper), resolution=25)
+    assert grid.cell(robot.limits.lower) == (0, 0)
+    assert grid.cell(robot.limits.upper) == (24, 24)
+    for beyond in (robot.limits.lower - 1e-6, robot.limits.upper + 1e-6):
+        assert not grid.holds(beyond)
+
+
 @settings(deadline=None, max_examples=30)
 @given(st.floats(0.01, 1.0), st.floats(0.01, 1.0), st.floats(-3, 3), st.floats(-3, 3))
 def test_a_shadow_holds_every_sampled_point_of_its_shape(a: float, b: float, roll: float, yaw: float) -> None:

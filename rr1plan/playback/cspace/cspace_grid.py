@@ -101,8 +101,9 @@ class CSpaceGrid(Value):
         index = int(np.floor((value - centers[0]) / step + 0.5))
         if self.periodic[axis]:
             return index % len(centers)
-        if index == len(centers) and value <= centers[-1] + step * (0.5 + 1e-9):
-            index -= 1
+        # A joint at its limit is in the outermost cell, whatever the rounding.
+        if index in (-1, len(centers)) and abs(value - centers).min() <= step * (0.5 + 1e-9):
+            index = int(np.clip(index, 0, len(centers) - 1))
         if not 0 <= index < len(centers):
             raise InputError(f"{self.joint_names[axis]} = {value} is outside the picture")
         return index
