@@ -76,8 +76,12 @@ class FieldGrid(Value):
         Raises:
             InputError: it is outside the picture.
         """
-        # A configuration on the border of two cells is in the upper one, whatever rounding does.
-        place = np.floor((finite_array("q", q, (2,)) - self.low) / self.sides + _BORDER).astype(int)
+        # A configuration on the border of two cells is in the upper one, whatever rounding does, and one at the upper
+        # limit of a joint in the last one.
+        sides = (finite_array("q", q, (2,)) - self.low) / self.sides
+        place = np.floor(sides + _BORDER).astype(int)
+        last = np.where(self.periodic, np.inf, np.array(self.free.shape))
+        place -= (place == last) & (sides <= last + _BORDER)
         i, j = (
             int(k % n) if wraps else int(k) for k, n, wraps in zip(place, self.free.shape, self.periodic, strict=True)
         )

@@ -115,3 +115,16 @@ def test_the_field_fits_the_size_of_the_arm(tab: Any, tmp_path: Path, size: floa
     said = tab.page.locator("#panel-potential .said").inner_text()
     assert f"{tab.ask('RR1.potential.gap'):.{digits}f} m from the goal" in said
     assert tab.complaints == []
+
+
+def test_a_goal_at_the_upper_limits_is_reached(tab: Any, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (1.5, 0.8)))
+    scene = scene.with_obstacle("disc", rp.Cylinder(0.1, 0.2), (0.7, 0.4, 0.0))
+    lesson: Any = rp.lesson("potential_fields", problem=rp.Problem(scene, [0.0, 0.0], rp.JointGoal([1.5, 0.8])))
+    n, m = lesson.grid.free.shape
+    assert lesson.grid.cell(lesson.goal) == (n - 1, m - 1)
+    tab.open(lesson.save_html(tmp_path / "a.html"))
+    tab.ask("RR1.potential.show('wave')")
+    assert way(tab, lesson) == list(map(tuple, descend(lesson.grid, lesson.wave, [0.0, 0.0]).tolist()))
+    assert shown(tab, "arrives")
+    assert tab.complaints == []

@@ -153,8 +153,12 @@ class PotentialField extends Walk {
   }
 
   cell(q) {
-    const { low } = viewer.panelData.cspace;
-    return this.neighbor(0, q.map((v, axis) => Math.floor((v - low[axis]) / this.sides[axis] + 1e-9)));
+    const { low, periodic } = viewer.panelData.cspace;
+    return this.neighbor(0, q.map((v, axis) => {
+      const sides = (v - low[axis]) / this.sides[axis], last = [this.n, this.m][axis];
+      // The upper limit of a joint is in the last cell.
+      return !periodic[axis] && Math.abs(sides - last) <= 1e-9 ? last - 1 : Math.floor(sides + 1e-9);
+    }));
   }
 
   /** The cell after a move, or -1 outside the picture. */
