@@ -219,6 +219,17 @@ def test_a_start_that_is_the_goal_has_a_path_of_length_zero(name: str, limits: b
     assert record.costs[0] == 0.0 or name in ("A*", "Dijkstra")
 
 
+@pytest.mark.parametrize("name", ALL)
+def test_ends_of_joints_without_limits_may_be_turns_away(name: str) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (1.0, 0.7)))
+    scene = scene.with_obstacle("disc", rp.Cylinder(0.15, 0.2), (1.0, -0.7, 0.0))
+    record = ALL[name](rp.Problem(scene, [0.3, -5.0], rp.JointGoal([9.0, 4.0])))
+    assert record.path is not None
+    np.testing.assert_allclose(record.path[0], [0.3, -5.0])
+    turns = (record.path[-1] - [9.0, 4.0]) / (2.0 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+
+
 @pytest.mark.parametrize("name", ["RRT", "RRT*"])
 def test_the_goal_is_one_vertex_of_a_tree(name: str, problem: rp.Problem) -> None:
     for seed in range(20):

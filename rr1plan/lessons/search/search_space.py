@@ -76,7 +76,8 @@ class SearchSpace:
 
     def is_free(self, q: Array) -> bool:
         """Whether the configuration is within the limits and free of contact."""
-        return bool((q >= self.lower).all() and (q <= self.upper).all() and self.checker.is_free(q))
+        within = self.wraps | ((q >= self.lower) & (q <= self.upper))
+        return bool(within.all() and self.checker.is_free(q))
 
     def edge_is_free(self, a: Array, b: Array) -> bool:
         """Whether every configuration on the shortest edge from a to b is certified free. Calls are counted."""
