@@ -54,6 +54,7 @@ _BIASES = (0.0, 0.05, 0.3)
 _CELLS = (48, 36, 24)
 _SEED = 1
 _SEEDS = 10  # for medians
+_DENSE = 80.0  # factor between the ends of an axis with room for three labels per decade
 
 
 class Variant(NamedTuple):
@@ -217,10 +218,11 @@ def _write(axes: Axes, text: str) -> None:
 
 
 def _plain_ticks(axis: Axis) -> None:
-    """Ticks of a logarithmic axis at 50, 100, 200 and so on, as plain numbers."""
+    """Ticks of a logarithmic axis at 50, 100, 200 and so on, or only at powers of ten, as plain numbers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < _DENSE * low else (1.0,)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
 

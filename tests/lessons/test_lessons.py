@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -476,6 +477,19 @@ def test_maps_of_joints_with_different_units_are_square(name: str) -> None:
     figure.draw_without_rendering()
     box = figure.axes[0].get_window_extent()
     assert box.width == pytest.approx(box.height)
+
+
+def test_labels_of_counts_do_not_overlap() -> None:
+    # Some planners check a few edges, others more than a thousand.
+    problem = rp.Problem(own_scene(), [0.1, 0.1], rp.JointGoal([0.0, 0.2]))
+    race = rp.lesson("planning", problem=problem).figure(width=13.0)
+    race.draw_without_rendering()
+    for axes in race.axes[-2:]:
+        boxes = [label.get_window_extent() for label in axes.get_xticklabels()]
+        low, high = axes.get_window_extent().x0 - 20.0, axes.get_window_extent().x1 + 20.0
+        shown = [box for box in boxes if low < box.x0 and box.x1 < high]
+        assert len(shown) >= 3
+        assert all(one.x1 < two.x0 for one, two in pairwise(shown))
 
 
 def test_the_legend_of_a_path_hides_nothing_of_its_map(lessons: dict[str, rp.Lesson]) -> None:
