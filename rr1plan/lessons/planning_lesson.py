@@ -199,6 +199,9 @@ class PlanningLesson(Lesson):
         if not any(variant.record.found for variant in self.variants if variant.planner == "RRT"):
             _write(axes, "RRT found no path, whatever its step and bias.")
             return
+        if not self.effect[..., 0].any():
+            _write(axes, "RRT checked no edges: the start is the goal.")
+            return
         steps = [self.scale * share for share in _STEPS]
         for k, (bias, marker, dashes) in enumerate(zip(_BIASES, "osD", ("-", "--", ":"), strict=True)):
             label = f"goal bias {100 * bias:g} %"

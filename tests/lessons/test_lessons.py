@@ -169,13 +169,18 @@ def test_planners_of_a_query_without_a_path_say_so_in_place_of_plots() -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (1.0, 0.7)))
     wall = rp.Cylinder(0.15, 0.2)
     scene = scene.with_obstacle("left", wall, (0.0, 0.6, 0.0)).with_obstacle("right", wall, (0.0, -0.6, 0.0))
-    lesson = rp.lesson("planning", problem=rp.Problem(scene, [0.0, 0.3], rp.JointGoal([3.0, 0.3])))
+    lesson: Any = rp.lesson("planning", problem=rp.Problem(scene, [0.0, 0.3], rp.JointGoal([3.0, 0.3])))
     texts = {step.name: step.text for step in lesson.steps}
     assert all("No planner found a path. No path exists: " in texts[name] for name in ("question", "race"))
     race, effect = lesson.figure().axes[-2:]
     assert "No planner found a path. No path exists: " in race.texts[0].get_text().replace("\n", " ")
     assert "RRT found no path" in effect.texts[0].get_text()
     assert "effect" not in vars(lesson)  # 120 searches that use all their samples
+
+
+def test_planners_that_are_at_their_goal_check_no_edges() -> None:
+    lesson = rp.lesson("planning", problem=rp.Problem(own_scene(), [0.1, 0.1], rp.JointGoal([0.1, 0.1])))
+    assert "the start is the goal" in lesson.figure().axes[-1].texts[0].get_text().replace("\n", " ")
 
 
 def two_arms(first: str, second: str) -> rp.Scene:
