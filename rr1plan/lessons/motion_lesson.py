@@ -58,7 +58,7 @@ class MotionLesson(Lesson):
         self.scale = length_scale(self.picture.grid)
         raw = grow_rrt_connect(problem, step=self.scale * _STEP, rng=_SEED).path
         if raw is None:
-            raise InputError("lesson 'motion' finds no path for this problem; try another goal")
+            raise InputError(f"lesson 'motion' finds no path; try another goal. {self.picture.verdict}")
         self.raw = raw
         checker = CollisionChecker(problem.scene, problem.arms)
         self.shortcuts: tuple[Shortcut, ...] = record_shortcuts(checker, raw, tries=_TRIES, rng=_SHORTCUT_SEED)

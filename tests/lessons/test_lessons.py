@@ -176,6 +176,8 @@ def test_planners_of_a_query_without_a_path_say_so_in_place_of_plots() -> None:
     assert "No planner found a path. No path exists: " in race.texts[0].get_text().replace("\n", " ")
     assert "RRT found no path" in effect.texts[0].get_text()
     assert "effect" not in vars(lesson)  # 120 searches that use all their samples
+    with pytest.raises(rp.InputError, match=r"'motion' finds no path; .* No path exists: .* proven by certified cells"):
+        rp.lesson("motion", problem=lesson.problem)
 
 
 def test_planners_that_are_at_their_goal_check_no_edges() -> None:
