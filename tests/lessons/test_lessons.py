@@ -499,6 +499,16 @@ def test_labels_of_counts_do_not_overlap() -> None:
         assert all(one.x1 < two.x0 for one, two in pairwise(shown))
 
 
+@pytest.mark.parametrize("name", ["workspace", "kinematics"])
+def test_labels_of_millimeters_do_not_overlap(name: str) -> None:
+    figure = rp.lesson(name, rp.Scene().with_arm("arm", rp.planar_arm("RR", (2e-3, 1.4e-3)))).figure()
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    boxes = [label.get_window_extent() for label in axes.get_xticklabels()]
+    assert all(one.x1 < two.x0 for one, two in pairwise(boxes))
+    assert axes.xaxis.get_offset_text().get_text() == "1e−3"
+
+
 def test_the_legend_of_a_path_hides_nothing_of_its_map(lessons: dict[str, rp.Lesson]) -> None:
     figure = lessons["motion"].figure()
     figure.draw_without_rendering()

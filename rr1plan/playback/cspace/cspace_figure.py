@@ -43,6 +43,7 @@ STYLE = {
     "axes.labelsize": 14,
     "axes.edgecolor": INK,
     "hatch.linewidth": 1.6,
+    "axes.formatter.limits": (-3, 6),  # labels of millimeters would overlap
 }
 _MOST_COLUMNS = 5  # of the legend
 _MOST_PASSES = 20  # of the layout
