@@ -9,6 +9,7 @@ from rr1plan.lessons.lesson_scenes import polygon_scene, refuse_problem, require
 from rr1plan.lessons.mathml import math, sub
 from rr1plan.lessons.torus_picture import draw_torus_surface
 from rr1plan.playback.cspace.configuration_space import cspace
+from rr1plan.playback.cspace.cspace_figure import fit_names
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
@@ -40,10 +41,10 @@ class ConfigurationSpaceLesson(Lesson):
     def _draw(self, figure: Figure) -> None:
         closes = all(self.picture.grid.periodic)
         left, middle, *right = figure.subplots(1, 3 if closes else 2)
-        draw_workspace(left, self.picture)
-        draw_torus(middle, self.picture, note=False)
+        names = {left: draw_workspace(left, self.picture), middle: draw_torus(middle, self.picture, note=False)}
         for axes in right:
             draw_torus_surface(axes, self.picture)
+        fit_names(figure, names)
 
 
 def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:

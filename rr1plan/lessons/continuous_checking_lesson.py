@@ -15,6 +15,8 @@ from rr1plan.lessons.mathml import math, sub
 from rr1plan.lessons.picture_panels import picture_panel
 from rr1plan.lessons.planar_outlines import planar_data, view_data
 from rr1plan.playback.cspace.configuration_space import cspace
+from rr1plan.playback.cspace.cspace_figure import fit_names
+from rr1plan.playback.cspace.cspace_lines import ObstacleName, write_name
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.outlines import silhouette
 from rr1plan.scene import Scene
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 _INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#e08a00", "#c2255c", "#2f66c8"
 _STEP = np.radians(12.0)
-_LETTER = 0.1  # [m] the height of a name in the figure
+_LETTER = 0.05  # the height of a name in the figure, as a share of the width or height of what is drawn
 _TITLES = {"through": "Through the plate", "grazing": "Grazing it", "just_past": "Just past it", "far": "Far away"}
 
 _BOUND = math("bound", "=", "∑", sub("ℓ", "j"), "|", "Δ", sub("θ", "j"), "|", "/", "2")
@@ -162,12 +164,13 @@ class ContinuousCheckingLesson(Lesson):
         self._draw_samples(left, *self.edges[names[0]])
         chosen = self.edges[names[min(2, len(names) - 1)]]
         self._draw_intervals(right, *chosen)
+        fit_names(figure, {left: self._write_names(left)})
 
     def _draw_samples(self, axes: Axes, q0: Array, q1: Array) -> None:
         found = sample_edge(self.checker, q0, q1, float(_STEP))
-        for name, obstacle in self.scene.obstacles.items():
+        for obstacle in self.scene.obstacles.values():
             for g in obstacle.geometries:
-                self._draw_obstacle(axes, name, silhouette(g.shape, obstacle.pose @ g.pose), g.color or _SOFT)
+                axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color=g.color or _SOFT, zorder=3)
         for s, free in zip(found.fractions, found.free, strict=True):
             self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)
         words = "all free" if found.passes else f"{int((~found.free).sum())} in contact"
@@ -175,17 +178,20 @@ class ContinuousCheckingLesson(Lesson):
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
         axes.spines[["top", "right"]].set_visible(False)
 
-    def _draw_obstacle(self, axes: Axes, name: str, corners: Array, color: str | tuple[float, ...]) -> None:
-        """An obstacle with its name, which is above it if it is too thin."""
+    def _write_names(self, axes: Axes) -> dict[str, ObstacleName]:
+        """The names of obstacles, each on a part of its obstacle, or above it if all are too thin."""
         from matplotlib.colors import to_hex
 
-        from rr1plan.playback.cspace.cspace_lines import write_name
-
-        axes.fill(*corners.T, color=color, zorder=3)
-        thin = bool(np.ptp(corners[:, 1]) < _LETTER)
-        write_name(
-            axes, name, [corners.mean(axis=0) + np.array([0.0, _LETTER * thin])], "#ffffff" if thin else to_hex(color)
-        )
+        letter = _LETTER * float(axes.dataLim.size.max())
+        names = {}
+        for name, obstacle in self.scene.obstacles.items():
+            parts = [silhouette(g.shape, obstacle.pose @ g.pose) for g in obstacle.geometries]
+            thick = [bool(np.ptp(corners[:, 1]) >= letter) for corners in parts]
+            wide = [corners.mean(axis=0) for corners, fits in zip(parts, thick, strict=True) if fits]
+            above = [corners.mean(axis=0) + np.array([0.0, letter]) for corners in parts]
+            color = obstacle.geometries[0].color or _SOFT
+            names[name] = write_name(axes, name, wide or above, to_hex(color) if wide else "#ffffff")
+        return names
 
     def _draw_arm(self, axes: Axes, q: Array, color: str, alpha: float) -> None:
         name = self.checker.arms[0]

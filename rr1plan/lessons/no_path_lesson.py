@@ -17,7 +17,7 @@ from rr1plan.planning import Budget
 from rr1plan.playback.cspace.configuration_space import CSpace, cspace
 from rr1plan.playback.cspace.cspace_colors import end_tints
 from rr1plan.playback.cspace.cspace_decomposition import Decomposition
-from rr1plan.playback.cspace.cspace_figure import swatch
+from rr1plan.playback.cspace.cspace_figure import fit_names, swatch
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
 from rr1plan.playback.viewer.page_arrays import pack_array
@@ -73,8 +73,7 @@ class NoPathLesson(Lesson):
         # Without the trees, which would hide the cells.
         picture, cells = replace(self.picture, tree=None), self.cells
         left, right = figure.subplots(1, 2)
-        draw_workspace(left, picture)
-        draw_torus(right, picture)
+        drawn = {left: draw_workspace(left, picture), right: draw_torus(right, picture)}
         (x0, y0), (x1, y1) = cells.lower, cells.upper
         blocked = np.zeros((*cells.full.shape, 4))
         blocked[cells.full] = to_rgba(FULL, 0.7)
@@ -85,6 +84,7 @@ class NoPathLesson(Lesson):
         handles = [*tints, Patch(facecolor=FULL, alpha=0.8)]
         labels = [*names, f"cells proven to be blocked, {cells.resolution} × {cells.resolution}"]
         figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
+        fit_names(figure, drawn)
 
 
 def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:

@@ -13,6 +13,7 @@ from rr1plan.lessons.lesson_scenes import refuse_problem, require_flat_arm, two_
 from rr1plan.lessons.mathml import math, sub
 from rr1plan.model.flat_arm import FlatArm
 from rr1plan.playback.cspace.configuration_space import CSpace, cspace
+from rr1plan.playback.cspace.cspace_figure import fit_names
 from rr1plan.playback.cspace.cspace_grid import LIMITS
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
@@ -46,14 +47,14 @@ class WorkspaceLesson(Lesson):
 
     def _draw(self, figure: Figure) -> None:
         left, right = figure.subplots(1, 2)
-        draw_workspace(left, self.picture)
+        names = {left: draw_workspace(left, self.picture)}
         x, y = (np.linspace(low, high, _PIXELS) for low, high in (left.get_xlim(), left.get_ylim()))
         counts = solution_counts(self.picture, self.arm, np.stack(np.meshgrid(x, y), axis=-1))
         left.contourf(
             x, y, counts, levels=(0.5, 1.5, 2.5), colors=(ONCE, TWICE), hatches=("//", None), alpha=0.75, zorder=1
         )
         left.set_title("workspace", loc="left")
-        draw_torus(right, self.picture)
+        names[right] = draw_torus(right, self.picture)
         handles = [
             Patch(facecolor=TWICE, label="reached in two ways"),
             # Without a color of the edge PDFs omit the stripes.
@@ -61,6 +62,7 @@ class WorkspaceLesson(Lesson):
             Patch(facecolor="#eef1f5", label="not at all"),
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+        fit_names(figure, names)
 
 
 def solution_counts(

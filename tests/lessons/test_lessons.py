@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import re
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -497,6 +497,27 @@ def test_labels_of_counts_do_not_overlap() -> None:
         shown = [box for box in boxes if low < box.x0 and box.x1 < high]
         assert len(shown) >= 3
         assert all(one.x1 < two.x0 for one, two in pairwise(shown))
+
+
+@pytest.mark.parametrize("name", ["workspace", "configuration_space", "continuous_checking"])
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_names_of_obstacles_are_on_the_picture_and_do_not_overlap(name: str, size: float) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (0.4 * size, 1.9 * size)), q=(0.3, 0.5))
+    box = rp.Box(size * np.array([0.3, 0.4, 0.2]))
+    for k, title in enumerate(("a long name of a box beside another", "touching it")):
+        scene = scene.with_obstacle(title, box, [size * (0.3 * k - 1.0), 0.8 * size, 0.0])
+    scene = scene.with_obstacle("bar", rp.Box(size * np.array([0.8, 0.02, 0.2])), [size, -size, 0.0])
+    problem = rp.Problem(scene, [0.3, 0.5], rp.JointGoal([-0.1, 0.9]))
+    lesson = rp.lesson(name, problem=problem) if name == "continuous_checking" else rp.lesson(name, scene)
+    figure = lesson.figure()
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    named = {text.get_text(): text.get_window_extent() for text in axes.texts}
+    assert "bar" in named
+    for one, two in combinations(named.values(), 2):
+        assert not one.overlaps(two)
+    inside = axes.get_window_extent().padded(1.0)
+    assert all(inside.contains(b.x0, b.y0) and inside.contains(b.x1, b.y1) for b in named.values())
 
 
 @pytest.mark.parametrize("name", ["workspace", "kinematics"])

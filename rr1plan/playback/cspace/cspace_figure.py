@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -25,7 +27,7 @@ from rr1plan.playback.cspace.cspace_colors import (
     layer_patterns,
 )
 from rr1plan.playback.cspace.cspace_grid import LIMITS
-from rr1plan.playback.cspace.cspace_lines import place_names
+from rr1plan.playback.cspace.cspace_lines import ObstacleName, place_names
 from rr1plan.playback.cspace.cspace_torus import draw_torus, drawn_layers
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
@@ -101,6 +103,13 @@ def _settle(figure: Figure) -> None:
             engine.execute(figure)
             if np.allclose(before, [axes.get_position(original=True).bounds for axes in figure.axes], atol=1e-4):
                 return
+
+
+def fit_names(figure: Figure, names: Mapping[Axes, Mapping[str, ObstacleName]]) -> None:
+    """Lay out a figure, and remove the names of obstacles for which its axes have no room."""
+    _settle(figure)
+    for axes, own in names.items():
+        place_names(axes, own)
 
 
 def swatch(color: str, pattern: int, **options: Any) -> Patch:
