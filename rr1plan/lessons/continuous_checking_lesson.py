@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#e08a00", "#c2255c", "#2f66c8"
-_STEP = np.radians(12.0)
+_STEP = float(np.radians(12.0))
 _LETTER = 0.05  # the height of a name in the figure, as a share of the width or height of what is drawn
 _TITLES = {"through": "Through the plate", "grazing": "Grazing it", "just_past": "Just past it", "far": "Far away"}
 
@@ -133,12 +133,12 @@ class ContinuousCheckingLesson(Lesson):
         self._outlines = planar_data(self.checker)
         self._own = problem is not None
         steps = _STEPS if problem is None else (_OWN_STEP, *(step for step in _STEPS if step[0] in _GENERAL))
-        straight = [
+        self._straight = [
             self.scene.arms[arm].robot.joint(name).kind == "prismatic"
             for arm in self.checker.arms
             for name in self.scene.arms[arm].robot.joint_names
         ]
-        more = {"bound": _SLIDING} if any(straight) else {}
+        more = {"bound": _SLIDING} if any(self._straight) else {}
         self.steps = tuple(LessonStep(name, title, text + more.get(name, "")) for name, title, text in steps)
 
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
@@ -166,15 +166,25 @@ class ContinuousCheckingLesson(Lesson):
         self._draw_intervals(right, *chosen)
         fit_names(figure, {left: self._write_names(left)})
 
+    @property
+    def _step(self) -> tuple[float, str]:
+        """The longest step of the samples [rad or m], that of the page at first, and its text."""
+        if not all(self._straight):
+            return _STEP, f"{_STEP:.2g}" if any(self._straight) else f"{np.degrees(_STEP):.0f}°"
+        limits = self.checker.limits
+        step = _STEP * float((limits.upper - limits.lower).max())
+        return step, f"{step:.3g} m"
+
     def _draw_samples(self, axes: Axes, q0: Array, q1: Array) -> None:
-        found = sample_edge(self.checker, q0, q1, float(_STEP))
+        step, size = self._step
+        found = sample_edge(self.checker, q0, q1, step)
         for obstacle in self.scene.obstacles.values():
             for g in obstacle.geometries:
                 axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color=g.color or _SOFT, zorder=3)
         for s, free in zip(found.fractions, found.free, strict=True):
             self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)
         words = "all free" if found.passes else f"{int((~found.free).sum())} in contact"
-        axes.set_title(f"steps of at most {np.degrees(_STEP):.0f}°: {len(found.free)} samples, {words}", loc="left")
+        axes.set_title(f"steps of at most {size}: {len(found.free)} samples, {words}", loc="left")
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
         axes.spines[["top", "right"]].set_visible(False)
 
@@ -211,8 +221,8 @@ class ContinuousCheckingLesson(Lesson):
             _draw_box(axes, interval, most)
         axes.plot(s, curve, color=_INK, linewidth=2.4, label="distance", zorder=5)
         free = sum(i.verdict == "free" for i in intervals)
-        end = "the edge is free" if is_proven_free(intervals) else "the edge is not free"
-        axes.set_title(f"halving: {len(intervals)} distances, {free} intervals proven, {end}", loc="left")
+        end = "free" if is_proven_free(intervals) else "not free"
+        axes.set_title(f"halving: {counted(len(intervals), 'distance')}, {free} intervals proven, {end}", loc="left")
         axes.set(xlabel="along the edge", ylabel="distance, motion bound [m]", xlim=(0, 1), ylim=(0, most))
         axes.spines[["top", "right"]].set_visible(False)
         axes.fill([], [], color=_FREE, alpha=0.35, label="motion bound, proven free")

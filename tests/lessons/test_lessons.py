@@ -499,6 +499,17 @@ def test_labels_of_counts_do_not_overlap() -> None:
         assert all(one.x1 < two.x0 for one, two in pairwise(shown))
 
 
+@pytest.mark.parametrize(("joints", "step"), [("RR", "12°"), ("PR", "0.21"), ("PP", "0.168 m")])
+def test_titles_on_checking_have_the_unit_of_the_joints(joints: str, step: str) -> None:
+    problem = rp.Problem(own_scene(joints), [0.05, 0.05], rp.JointGoal([0.7, 0.5]))
+    figure = rp.lesson("continuous_checking", problem=problem).figure()
+    figure.draw_without_rendering()
+    samples, halving = (axes.get_title("left") for axes in figure.axes)
+    assert samples.startswith(f"steps of at most {step}: ")
+    assert "1 distances" not in halving
+    assert all(axes.get_tightbbox().x1 <= figure.bbox.x1 for axes in figure.axes)
+
+
 @pytest.mark.parametrize("name", ["workspace", "configuration_space", "continuous_checking"])
 @pytest.mark.parametrize("size", [1.0, 1e-3])
 def test_names_of_obstacles_are_on_the_picture_and_do_not_overlap(name: str, size: float) -> None:
