@@ -359,6 +359,23 @@ def test_the_phase_plane_appears_once_the_planner_is_loaded(tab: Any, tmp_path: 
     assert tab.complaints == []
 
 
+@pytest.mark.parametrize(
+    ("limits", "marks"),
+    [
+        ([(-2.0, 1.0), (0.1, 2.3)], {"−π/2", "−π/4", "0", "π/4", "π/2"}),
+        ([(-0.4, 0.4), (0.1, 0.3)], {"−π/8", "0", "π/8", "0.2", "[rad]"}),
+    ],
+)
+def test_short_ranges_of_angles_have_a_scale(
+    tab: Any, limits: list[tuple[float, float]], marks: set[str], tmp_path: FilePath
+) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", limits=limits), q=(0.0, 0.2))
+    tab.record_texts()
+    tab.open(rp.cspace(scene, resolution=40).save_html(tmp_path / "short.html"), READY)
+    assert marks <= set(tab.ask("texts"))
+    assert tab.complaints == []
+
+
 def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
     picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=32)
     tab.open(picture.save_html(tmp_path / "rr1.html"), READY)

@@ -252,24 +252,42 @@ function wrapped(axis, angle) {
   return data.periodic[axis] ? value(axis, modulo(share(axis, angle), 1)) : angle;
 }
 
-/** The unit of the axis of a sliding joint and its scale; short travels in meters would have long numbers. */
-const axisUnit = (axis) => (data.high[axis] - data.low[axis] < 0.1 ? { unit: "mm", scale: 1000 } : { unit: "m", scale: 1 });
+/** The unit of the axis of a joint and its scale, null for multiples of π; short travels in meters would have long numbers. */
+function axisUnit(axis) {
+  if (!data.joints[axis].straight) return eighthsOf(axis) ? null : { unit: "rad", scale: 1 };
+  return data.high[axis] - data.low[axis] < 0.1 ? { unit: "mm", scale: 1000 } : { unit: "m", scale: 1 };
+}
 
-/** Tick marks of an axis: quarter turns for angles, otherwise round numbers: [share, text]. */
+/** The number of multiples of so many eighths of π on an axis. */
+function countMultiples(axis, eighths) {
+  const [low, high] = [data.low[axis], data.high[axis]].map((v) => (8 * v) / (Math.PI * eighths));
+  return Math.floor(high + 1e-6) - Math.ceil(low - 1e-6) + 1;
+}
+
+/** The eighths of π between marks of an axis, as in `cspace_torus.py`; 0 if its range is too short for three marks. */
+function eighthsOf(axis) {
+  let eighths = 4;
+  while (countMultiples(axis, eighths) > 9) eighths *= 2;  // more marks would overlap
+  while (countMultiples(axis, eighths) < 3 && eighths > 1) eighths /= 2;
+  return countMultiples(axis, eighths) < 3 ? 0 : eighths;
+}
+
+/** π/8, π/4, 3π/8, ..., π, 3π/2, 2π, 2.5π. */
+function multipleOfPi(eighths) {
+  const parts = Math.abs(eighths), below = [1, 2, 4, 8].find((n) => Number.isInteger((parts * n) / 8));
+  const above = (parts * below) / 8, text = above === 1 ? "π" : `${above}π`;
+  return parts ? `${eighths < 0 ? "−" : ""}${below === 1 ? text : parts > 16 ? `${parts / 8}π` : `${text}/${below}`}` : "0";
+}
+
+/** Tick marks of an axis: multiples of π or of fractions of it for angles, otherwise round numbers: [share, text]. */
 function ticks(axis) {
-  if (data.joints[axis].straight) {
-    const { scale } = axisUnit(axis);
+  const numbers = axisUnit(axis);
+  if (numbers) {
+    const { scale } = numbers;
     return niceTicks(scale * data.low[axis], scale * data.high[axis], 5).map((v) => [share(axis, v / scale), shortNumber(v)]);
   }
-  const names = { "-2": "−π", "-1": "−π/2", 0: "0", 1: "π/2", 2: "π", "-3": "−3π/2", 3: "3π/2", "-4": "−2π", 4: "2π" };
-  const first = Math.ceil((data.low[axis] * 2) / Math.PI - 1e-6), last = Math.floor((data.high[axis] * 2) / Math.PI + 1e-6);
-  let step = 1;
-  while (last - first >= 9 * step) step *= 2;  // more marks would overlap
-  const marks = [];
-  for (let k = Math.ceil(first / step) * step; k <= last; k += step) {
-    marks.push([share(axis, (k * Math.PI) / 2), names[k] || `${k / 2}π`.replace("-", "−")]);
-  }
-  return marks;
+  const step = eighthsOf(axis), first = Math.ceil((8 * data.low[axis]) / (Math.PI * step) - 1e-6);
+  return Array.from({ length: countMultiples(axis, step) }, (_, k) => step * (first + k)).map((k) => [share(axis, (k * Math.PI) / 8), multipleOfPi(k)]);
 }
 
 /** Position of the name of an axis, as a share of the axis: between the two marks around a given position. */
@@ -298,7 +316,7 @@ function drawFrame(pen, plot, unit) {
   pen.fillStyle = INK;
   pen.textAlign = "center";
   pen.textBaseline = "alphabetic";
-  const unitOf = (axis) => (data.joints[axis].straight ? `[${axisUnit(axis).unit}]` : ""), high = y + (1 - betweenTicks(1, 0.624)) * size + 4 * unit;
+  const unitOf = (axis) => (axisUnit(axis) ? `[${axisUnit(axis).unit}]` : ""), high = y + (1 - betweenTicks(1, 0.624)) * size + 4 * unit;
   pen.font = `600 ${(unitOf(0) ? 11 : 13) * unit}px ${FONT}`; // between two marks also in a small window
   pen.fillText(`${symbol(0)} ${unitOf(0)}`.trim(), x + betweenTicks(0, 0.625) * size, y + size + 18 * unit);
   pen.font = `600 ${13 * unit}px ${FONT}`;
