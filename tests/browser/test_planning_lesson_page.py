@@ -65,6 +65,8 @@ def test_the_arm_follows_the_newest_vertex_in_both_views(page: Any, lesson: Plan
     record = lesson.variant("RRT").record
     kinematics = rp.Kinematics(lesson.scene)
     page.ask("RR1.search.choose({planner: 'RRT', step: 0.3, bias: 0.05})")
+    page.ask("RR1.search.go(0)")
+    np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), lesson.problem.start, atol=1e-5)
     for at in (3, 40, 90):
         page.ask(f"RR1.search.go({at})")
         event = next(e for e in reversed(record.steps[at - 1]) if e.kind in ("vertex", "refused"))

@@ -303,7 +303,8 @@ function stateOf(record, k) {
   const newest = record.events.slice(begin, end);
   const path = record.paths.filter((p) => p.step < k).pop();
   const seen = [...newest].reverse().find((e) => [VERTEX, REFUSED, BLOCKED, CLOSED].includes(e.kind));
-  const focus = seen && ([VERTEX, CLOSED].includes(seen.kind) ? record.vertices[seen.vertex] : seen.point);
+  // Before the first step the arm is at the start, the first vertex.
+  const focus = k ? seen && ([VERTEX, CLOSED].includes(seen.kind) ? record.vertices[seen.vertex] : seen.point) : record.vertices[0];
   return { count, edges, rejected, rejectedTools, closed, newest, path: path && path.points, focus };
 }
 
