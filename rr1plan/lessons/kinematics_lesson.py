@@ -303,6 +303,9 @@ def _where(lesson: KinematicsLesson) -> str:
             )
             if not lesson.is_standard:
                 formula, lines = f"det J is now {now}: zero", "of the two elbow angles"
+            if not lesson.map()[1]:
+                return f"""<p>{formula} where the arm is <b>stretched or folded</b>, on the boundaries of the annulus.
+                The joint limits of this arm exclude both.</p>"""
             return f"""<p>{formula} where the arm is <b>stretched or folded</b>: the dashed lines {lines} on the right,
             the two boundaries of the annulus on the left. They split the square into elbow-left and elbow-right: to
             change the elbow, the arm has to pass a singularity.</p>"""

@@ -414,6 +414,14 @@ def test_texts_on_kinematics_are_about_the_arm_shown(tmp_path: Path) -> None:
     assert lesson.determinant(np.array(lesson.steps[-1].q)) == pytest.approx(0.7 * np.sin(0.02), abs=1e-6)
 
 
+@pytest.mark.parametrize(("lower", "shown"), [(-1.0, True), (0.1, False)])
+def test_texts_speak_of_dashed_lines_of_singularities_that_are_drawn(lower: float, shown: bool) -> None:
+    arm = rp.planar_arm("RR", (1.0, 0.8), limits=[(-2.0, 1.0), (lower, 2.3)])
+    lesson = rp.lesson("kinematics", rp.Scene().with_arm("arm", arm, q=(0.3, 0.5)))
+    assert ("dashed lines" in lesson.steps[-1].text) == shown
+    assert ("limits of this arm exclude" in lesson.steps[-1].text) != shown
+
+
 @pytest.mark.parametrize("kinds", ["RR", "PP"])
 @pytest.mark.parametrize("size", [0.1, 10.0])
 def test_ellipses_and_frames_grow_with_the_arm(size: float, kinds: str) -> None:
