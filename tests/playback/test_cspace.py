@@ -389,6 +389,13 @@ def test_bad_arguments_are_named(lesson: rp.Scene, rr1_table: rp.Scene) -> None:
         grid.cell([10.0, 0.0])
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_paths_of_small_arms_have_their_corners(size: float) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (size, size)), q=(0.0, 0.0))
+    (piece,) = wrapped_pieces(size * np.array([[0.1, 0.1], [0.9, 0.1], [0.9, 0.9]]), compute_grid(scene, resolution=8))
+    assert np.linalg.norm(piece - [0.9 * size, 0.1 * size], axis=1).min() < 2e-3 * size
+
+
 @pytest.mark.parametrize("travel", [0.1, 0.3, 0.7, 1.1, 1.3])
 def test_a_joint_at_its_limit_is_inside_the_picture(travel: float) -> None:
     robot = rp.planar_arm("PP", (travel, 0.8), limits=[(0.0, travel), (-0.37 * travel, 0.8)])

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 
 _STRIPE = 5
+_FINEST = 1.6e-3  # longest piece of a path, as a share of the range of a joint
 _FEWEST_PIXELS = 360  # fewest of a picture along each joint, for round dots in patterns
 _BORDER = 0.03  # beyond the joint limits, of their range
 # Fewer labels do not show a scale, and more would overlap.
@@ -160,8 +161,9 @@ def _window(grid: CSpaceGrid, spans: list[tuple[float, float]]) -> tuple[slice, 
 
 
 def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
-    """A polyline in angles (k, 2) as pieces inside the picture, broken at the seams of the torus."""
-    dense = along(points, max(2, int(np.ceil(np.abs(np.diff(points, axis=0)).sum() / 0.01))))
+    """A polyline (k, 2) as pieces inside the picture, broken at the seams of the torus."""
+    spans = np.array([high - low for low, high in grid.ranges])
+    dense = along(points, max(2, int(np.ceil((np.abs(np.diff(points, axis=0)) / spans).sum() / _FINEST))))
     inside, turns = dense.copy(), np.zeros(dense.shape)
     for axis, closes in enumerate(grid.periodic):
         if closes:
