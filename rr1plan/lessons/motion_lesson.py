@@ -204,8 +204,8 @@ class MotionLesson(Lesson):
         rows = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"))
         names = [_label(name, unit, rate) for name, rate in rows]
         for k, (axes, name) in enumerate(zip(plots, names, strict=True)):
-            for phase in range(7):
-                axes.axvspan(ends[phase], ends[phase + 1], color="#e9edf1" if phase % 2 == 0 else "white", lw=0)
+            for count, phase in enumerate(np.flatnonzero(np.array(motion.durations) > 1e-9).tolist()):
+                axes.axvspan(ends[phase], ends[phase + 1], color="#e9edf1" if count % 2 == 0 else "white", lw=0)
                 if k == 0:
                     middle = 0.5 * (ends[phase] + ends[phase + 1])
                     axes.text(middle, 1.28 / 1.2 * distance, str(phase + 1), ha="center", va="bottom", fontsize=10)

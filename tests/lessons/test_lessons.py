@@ -394,6 +394,15 @@ def test_the_motion_of_sliding_joints_is_in_meters() -> None:
     assert not any("rad" in text for text in (*texts.values(), *labels))
 
 
+def test_phases_that_do_not_occur_have_no_number() -> None:
+    # On 0.8 mm, neither the speed nor the acceleration gets to its limit.
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PP", (2e-3, 1.6e-3)), q=(1e-4, 1e-4))
+    figure = rp.lesson("motion", problem=rp.Problem(scene, [1e-4, 1e-4], rp.JointGoal([1.7e-3, 1e-3]))).figure()
+    position = figure.axes[3]
+    assert [text.get_text() for text in position.texts] == ["1", "3", "5", "7"]
+    assert len({patch.get_facecolor() for patch in position.patches}) == 2
+
+
 def test_texts_on_kinematics_are_about_the_arm_shown(tmp_path: Path) -> None:
     texts = {
         kinds: {step.name: " ".join(step.text.split()) for step in rp.lesson("kinematics", own_scene(kinds)).steps}

@@ -380,10 +380,10 @@ class Timing {
       const count = 300, times = Array.from({ length: count + 1 }, (_, i) => (end * i) / count);
       const values = times.map((v) => seven.at(v)[k]), other = k < 3 ? times.map((v) => (v <= three.duration ? three.at(v)[k] : k ? 0 : three.at(three.duration)[0])) : [];
       const low = Math.min(0, ...values, ...other), most = Math.max(...values, ...other, 1e-9), room = 0.08 * (most - low);
-      seven.durations.forEach((d, phase) => {
-        if (d < 1e-9) return;
+      const phases = seven.durations.flatMap((d, phase) => (d < 1e-9 ? [] : [phase]));
+      phases.forEach((phase, count) => {
         const [a, b] = [seven.ends[phase], seven.ends[phase + 1]].map((v) => own.left + ((own.right - own.left) * v) / end);
-        pen.fillStyle = phase % 2 ? "#fff" : "#eef1f5"; pen.fillRect(a, own.top, b - a, own.bottom - own.top);
+        pen.fillStyle = count % 2 ? "#fff" : "#eef1f5"; pen.fillRect(a, own.top, b - a, own.bottom - own.top);
         if (k === 0 && b - a > 8) { pen.fillStyle = SOFT; pen.textAlign = "center"; pen.fillText(`${phase + 1}`, (a + b) / 2, own.top + 11); }
       });
       const [x, y] = this.axes(pen, own, [0, end, k > 1 ? "" : null], [low - room, most + (k ? 1 : 3) * room, ""], { tight: true, few: 3 });
