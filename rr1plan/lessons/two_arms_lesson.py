@@ -14,6 +14,7 @@ from rr1plan.checks import Array, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
+from rr1plan.lessons.lesson_scenes import length_unit
 from rr1plan.lessons.path_schedules import PairCurve, PathPair, fastest_curve, path_pair, unscheduled_curve
 from rr1plan.lessons.picture_panels import pair_layers, picture_panel, slice_axes
 from rr1plan.lessons.planar_outlines import view_data
@@ -22,7 +23,8 @@ from rr1plan.planners import RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.cspace.cspace_grid import compute_grid
+from rr1plan.playback.cspace.cspace_grid import compute_grid, joint_symbol
+from rr1plan.playback.cspace.cspace_torus import wrapped_pieces
 from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.viewer.page_arrays import pack_bytes
 from rr1plan.playback.viewer.page_document import view_document
@@ -187,7 +189,7 @@ class TwoArmsLesson(Lesson):
         for k in range(2):
             self._draw_slice(pictures[1 + k], k, pair, q)
         for axes, name in zip(pictures[3:], self.pairs, strict=True):
-            _draw_diagram(axes, self.pairs[name], self.schedules[name], now if name == first else None)
+            _draw_diagram(axes, self.scene, self.pairs[name], self.schedules[name], now if name == first else None)
             axes.set_title(_TITLES[name].lower(), loc="left")
         handles = {
             line.get_label(): line
@@ -222,15 +224,19 @@ class TwoArmsLesson(Lesson):
             if layer in grid.layers:
                 axes.contourf(*grid.axes, grid.layers[layer].T.astype(float), levels=(0.5, 1.5), colors=(color,))
         path = pair.configurations[k]
-        axes.plot(*path.T, color="white", linewidth=5)
-        axes.plot(*path.T, color=_INK, linewidth=2)
+        for piece in wrapped_pieces(path, grid):
+            axes.plot(*piece.T, color="white", linewidth=5)
+            axes.plot(*piece.T, color=_INK, linewidth=2)
         for q, color in ((path[0], _START), (path[-1], _GOAL), (configurations[k], arm_color(k))):
-            axes.plot(*q, "o", color=color, markersize=10, markeredgecolor="white", markeredgewidth=1.5)
-        axes.set(xlabel=f"θ₁ of {name} [rad]", ylabel="θ₂ [rad]", box_aspect=1)
+            axes.plot(*grid.wrapped(q), "o", color=color, markersize=10, markeredgecolor="white", markeredgewidth=1.5)
+        symbols = [joint_symbol(self.scene.arms[name].robot, joint) for joint in grid.joint_names]
+        first, second = (length_unit([turns]).strip() for turns in grid.turns)
+        axes.set(xlim=grid.ranges[0], ylim=grid.ranges[1], box_aspect=1)
+        axes.set(xlabel=f"{symbols[0]} of {name} [{first}]", ylabel=f"{symbols[1]} [{second}]")
         axes.set_title(f"slice: {other} stands still", loc="left")
 
 
-def _draw_diagram(axes: Axes, pair: PathPair, schedules: Sequence[_Schedule], now: Array | None) -> None:
+def _draw_diagram(axes: Axes, scene: Scene, pair: PathPair, schedules: Sequence[_Schedule], now: Array | None) -> None:
     """The diagram of two paths with its schedules, and the current positions of both arms."""
     one, two = pair.lengths
     inner = np.where(pair.blocked[1:-1, 1:-1], 1.0, np.nan)
@@ -246,14 +252,12 @@ def _draw_diagram(axes: Axes, pair: PathPair, schedules: Sequence[_Schedule], no
             )
     if now is not None:
         axes.plot(*now, "o", color=_INK, markersize=10, markeredgecolor="white", markeredgewidth=2, zorder=5)
-    first, second = pair.arms
-    axes.set(
-        xlim=(0, one[-1]),
-        ylim=(0, two[-1]),
-        xlabel=f"path of {first} [rad]",
-        ylabel=f"path of {second} [rad]",
-        box_aspect=1,
-    )
+    labels = []
+    for name in pair.arms:
+        robot = scene.arms[name].robot
+        unit = length_unit([robot.joint(joint).kind != "prismatic" for joint in robot.joint_names])
+        labels.append(f"path of {name}{unit and f' [{unit.strip()}]'}")
+    axes.set(xlim=(0, one[-1]), ylim=(0, two[-1]), xlabel=labels[0], ylabel=labels[1], box_aspect=1)
 
 
 def _turns(pair: PathPair) -> tuple[_Schedule, ...]:

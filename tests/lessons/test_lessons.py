@@ -244,7 +244,23 @@ def test_two_arms_of_ones_own_get_paths_and_schedules(
         np.testing.assert_allclose(q[-1], [*goals["one"], *goals["two"]], atol=1e-9)
         assert all(map(checker.is_free, q)) == (schedule.tone == "good")
         assert schedule.title in lesson.steps[-1].text
+    figure = lesson.figure()
+    slides = joints[1] == "RP"
+    assert figure.axes[2].get_ylabel() == ("d₂ [m]" if slides else "θ₂ [rad]")
+    assert figure.axes[3].get_xlabel() == "path of one [rad]"
+    assert figure.axes[3].get_ylabel() == ("path of two" if slides else "path of two [rad]")
     assert lesson.save_png(tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_a_path_of_two_arms_is_drawn_across_the_seam() -> None:
+    scene = rp.Scene()
+    for name, x in (("one", 0.0), ("two", 5.0)):
+        scene = scene.with_arm(name, rp.planar_arm("RR", (1.0, 0.7)), base=rp.transforms.pose([x, 0.0, 0.0]))
+    starts, goals = {"one": [2.5, 0.5], "two": [0.5, 0.5]}, {"one": [4.5, 0.5], "two": [0.8, 0.5]}
+    axes = rp.lesson("two_arms", problem=rp.Problem(scene, starts, goals)).figure().axes[1]
+    assert np.abs([axes.get_xlim(), axes.get_ylim()]).max() == pytest.approx(np.pi)
+    points = np.vstack([line.get_xydata() for line in axes.lines])
+    assert np.abs(points).max() <= np.pi + 1e-9
 
 
 def test_two_arms_that_the_lesson_cannot_be_about_are_refused() -> None:
