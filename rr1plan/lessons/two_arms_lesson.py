@@ -333,6 +333,8 @@ def _path_alone(problem: Problem, name: str) -> Array:
     )
     if result.path is None:
         raise InputError(f"arm {name!r} gets no path, even without the other arm: {result.reason}")
+    if (result.path.waypoints == start).all():
+        raise InputError(f"arm {name!r} is at its goal, expected paths of both arms")
     return np.array(shorten(result.path, alone, rng=_SEED).waypoints)
 
 

@@ -277,6 +277,8 @@ def test_two_arms_that_the_lesson_cannot_be_about_are_refused() -> None:
         rp.lesson("two_arms", problem=rp.load_problems("rr1_pair")["change_places"])
     with pytest.raises(rp.InputError, match="cannot be at both goals: 'one/link1' and 'two/link2' overlap"):
         rp.lesson("two_arms", problem=rp.Problem(scene, starts, {"one": [0.0, 0.0], "two": [0.08, 0.0]}))
+    with pytest.raises(rp.InputError, match="arm 'one' is at its goal, expected paths of both"):
+        rp.lesson("two_arms", problem=rp.Problem(scene, starts, {"one": starts["one"], "two": [-0.8, 0.3]}))
     with pytest.raises(rp.InputError, match=r"arm 'one' gets no path, .* 'one/link2' and 'disc' overlap"):
         rp.lesson("two_arms", problem=rp.Problem(scene, starts, {"one": [-0.9, 0.0], "two": [0.8, 0.0]}))
 
