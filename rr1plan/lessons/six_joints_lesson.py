@@ -223,8 +223,8 @@ def _steps(lesson: SixJointsLesson, home: tuple[float, ...]) -> tuple[LessonStep
             "solutions",
             f"One pose, {counted(len(solutions), 'solution')}",
             f"""<p>The elbow of a 2R arm has two sides. A six-axis arm has shoulder, elbow and wrist to turn over:
-            this pose of the tool has {counted(len(solutions), "solution")}. {len(inside)} of them are within the joint
-            limits, and {len(valid)} free of contact. Keys <kbd>1</kbd> to <kbd>{min(len(solutions), 9)}</kbd> go to
+            this pose of the tool has {counted(len(solutions), "solution")}: {len(inside)} within the joint limits,
+            {len(valid)} also free of contact. Keys <kbd>1</kbd> to <kbd>{min(len(solutions), 9)}</kbd> go to
             them: the tool does not move.</p>
             <p>Each dot is drawn at its two joints, but lies in another slice. A planner that takes all of them as goals
             finds shorter paths, and finds one where a single goal would be walled off.</p>""",

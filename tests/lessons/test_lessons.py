@@ -491,6 +491,12 @@ def test_the_figure_on_six_joints_has_meters_for_a_sliding_one(tmp_path: Path) -
     assert axes[5].get_ylim() == (0.0, 1.0)
 
 
+def test_the_text_on_solutions_counts_one_as_well_as_many() -> None:
+    lesson = rp.lesson("six_joints", rp.load_scene("rr1_table"))
+    text = next(step.text for step in lesson.steps if step.name == "solutions")
+    assert "4 solutions: 1 within the joint limits, 1 also free of contact." in " ".join(text.split())
+
+
 def test_texts_on_limits_fit_the_number_of_solutions() -> None:
     def limits(kinds: str, ranges: Any = None) -> str:
         scene = rp.Scene().with_arm("arm", rp.planar_arm(kinds, limits=ranges))
