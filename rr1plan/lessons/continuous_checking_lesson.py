@@ -14,10 +14,12 @@ from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.mathml import math, sub
 from rr1plan.lessons.picture_panels import picture_panel
 from rr1plan.lessons.planar_outlines import planar_data, view_data
+from rr1plan.model.flat_arm import flat_arm
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_figure import fit_names
 from rr1plan.playback.cspace.cspace_lines import ObstacleName, write_name
 from rr1plan.playback.cspace.cspace_page import page_parts
+from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.outlines import silhouette
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 _INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#e08a00", "#c2255c", "#2f66c8"
 _STEP = float(np.radians(12.0))
 _LETTER = 0.05  # the height of a name in the figure, as a share of the width or height of what is drawn
+_BEYOND = 1.3  # of the reach, within which the figure shows obstacles
 _TITLES = {"through": "Through the plate", "grazing": "Grazing it", "just_past": "Just past it", "far": "Far away"}
 
 _BOUND = math("bound", "=", "∑", sub("ℓ", "j"), "|", "Δ", sub("θ", "j"), "|", "/", "2")
@@ -185,22 +188,33 @@ class ContinuousCheckingLesson(Lesson):
             self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)
         words = "all free" if found.passes else f"{int((~found.free).sum())} in contact"
         axes.set_title(f"steps of at most {size}: {len(found.free)} samples, {words}", loc="left")
-        axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        low, high = self._window(axes)
+        axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.spines[["top", "right"]].set_visible(False)
 
+    def _window(self, axes: Axes) -> tuple[Array, Array]:
+        """Lower left and upper right corner of what is drawn, without obstacles far beyond the arm's reach [m]."""
+        arm = self.scene.arms[self.checker.arms[0]]
+        flat = flat_arm(arm)
+        assert flat is not None
+        reach = reach_of(flat, arm.robot.limits)
+        low = np.maximum(axes.dataLim.min, reach.center - _BEYOND * reach.radius)
+        high = np.minimum(axes.dataLim.max, reach.center + _BEYOND * reach.radius)
+        return low - 0.05 * (high - low), high + 0.05 * (high - low)
+
     def _write_names(self, axes: Axes) -> dict[str, ObstacleName]:
-        """The names of obstacles, each on a part of its obstacle, or above it if all are too thin."""
+        """The names of obstacles, each on a part of its obstacle, or above or below it if all are too thin."""
         from matplotlib.colors import to_hex
 
-        letter = _LETTER * float(axes.dataLim.size.max())
+        letter = _LETTER * max(axes.viewLim.size)
         names = {}
         for name, obstacle in self.scene.obstacles.items():
             parts = [silhouette(g.shape, obstacle.pose @ g.pose) for g in obstacle.geometries]
             thick = [bool(np.ptp(corners[:, 1]) >= letter) for corners in parts]
             wide = [corners.mean(axis=0) for corners, fits in zip(parts, thick, strict=True) if fits]
-            above = [corners.mean(axis=0) + np.array([0.0, letter]) for corners in parts]
+            beside = [corners.mean(axis=0) + np.array([0.0, y]) for y in (letter, -letter) for corners in parts]
             color = obstacle.geometries[0].color or _SOFT
-            names[name] = write_name(axes, name, wide or above, to_hex(color) if wide else "#ffffff")
+            names[name] = write_name(axes, name, wide or beside, to_hex(color) if wide else "#ffffff")
         return names
 
     def _draw_arm(self, axes: Axes, q: Array, color: str, alpha: float) -> None:
@@ -222,7 +236,8 @@ class ContinuousCheckingLesson(Lesson):
         axes.plot(s, curve, color=_INK, linewidth=2.4, label="distance", zorder=5)
         free = sum(i.verdict == "free" for i in intervals)
         end = "free" if is_proven_free(intervals) else "not free"
-        axes.set_title(f"halving: {counted(len(intervals), 'distance')}, {free} intervals proven, {end}", loc="left")
+        tried, proven = counted(len(intervals), "distance"), counted(free, "interval")
+        axes.set_title(f"halving: {tried}, {proven} proven, {end}", loc="left")
         axes.set(xlabel="along the edge", ylabel="distance, motion bound [m]", xlim=(0, 1), ylim=(0, most))
         axes.spines[["top", "right"]].set_visible(False)
         axes.fill([], [], color=_FREE, alpha=0.35, label="motion bound, proven free")

@@ -548,7 +548,16 @@ def test_titles_on_checking_have_the_unit_of_the_joints(joints: str, step: str) 
     samples, halving = (axes.get_title("left") for axes in figure.axes)
     assert samples.startswith(f"steps of at most {step}: ")
     assert "1 distances" not in halving
+    assert "1 intervals" not in halving
     assert all(axes.get_tightbbox().x1 <= figure.bbox.x1 for axes in figure.axes)
+
+
+def test_obstacles_far_away_do_not_make_the_arm_small() -> None:
+    scene = own_scene().with_obstacle("far", rp.Cylinder(0.1, 0.1), (9.0, 0.0, 0.0))
+    problem = rp.Problem(scene, [0.05, 0.05], rp.JointGoal([0.7, 0.5]))
+    axes = rp.lesson("continuous_checking", problem=problem).figure().axes[0]
+    assert axes.get_xlim()[1] < 2.0
+    assert [text.get_text() for text in axes.texts] == ["wedge"]
 
 
 @pytest.mark.parametrize("name", ["workspace", "configuration_space", "continuous_checking"])
@@ -559,13 +568,14 @@ def test_names_of_obstacles_are_on_the_picture_and_do_not_overlap(name: str, siz
     for k, title in enumerate(("a long name of a box beside another", "touching it")):
         scene = scene.with_obstacle(title, box, [size * (0.3 * k - 1.0), 0.8 * size, 0.0])
     scene = scene.with_obstacle("bar", rp.Box(size * np.array([0.8, 0.02, 0.2])), [size, -size, 0.0])
+    scene = scene.with_obstacle("top", rp.Box(size * np.array([0.8, 0.02, 0.2])), [size, 2.2 * size, 0.0])
     problem = rp.Problem(scene, [0.3, 0.5], rp.JointGoal([-0.1, 0.9]))
     lesson = rp.lesson(name, problem=problem) if name == "continuous_checking" else rp.lesson(name, scene)
     figure = lesson.figure()
     figure.draw_without_rendering()
     axes = figure.axes[0]
     named = {text.get_text(): text.get_window_extent() for text in axes.texts}
-    assert "bar" in named
+    assert {"bar", "top"} <= set(named)
     for one, two in combinations(named.values(), 2):
         assert not one.overlaps(two)
     inside = axes.get_window_extent().padded(1.0)
