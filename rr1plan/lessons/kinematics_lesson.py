@@ -100,6 +100,7 @@ class KinematicsLesson(Lesson):
 
     def _data(self) -> Any:
         values, curves = self.map()
+        base = self.scene.arms[self.arm_name].base
         return {
             "map": pack_array(np.abs(values)),
             "largest": float(np.abs(values).max()),
@@ -107,6 +108,7 @@ class KinematicsLesson(Lesson):
             "colors": {"x": X_AXIS, "y": Y_AXIS, "velocity": VELOCITY, "force": FORCE},
             "size": self.reach / REACH,
             "scales": self.scales(),
+            "yaw": float(np.arctan2(base[1, 0], base[0, 0])),
         }
 
     # ---- the figure ----------------------------------------------------------------------

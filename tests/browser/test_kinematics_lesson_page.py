@@ -70,6 +70,16 @@ def test_matrices_are_the_products_of_link_transforms(
     assert in_units(page, "det", " m²") == pytest.approx(np.linalg.det(jacobian), abs=6e-4)
 
 
+def test_transforms_begin_at_the_base(tab: Any, tmp_path: Path) -> None:
+    base = rp.transforms.pose([3.0, -2.0, 0.0], rpy=[0.0, 0.0, 2.0])
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (1.0, 0.7)), base=base, q=(0.6, 0.3))
+    lesson: Any = rp.lesson("kinematics", scene)
+    tab.open(lesson.save_html(tmp_path / "turned.html"), "Boolean(window.RR1 && RR1.steps)")
+    planar = [frame[np.ix_([0, 1, 3], [0, 1, 3])] for frame in lesson.table.frames([0.6, 0.3])]
+    np.testing.assert_allclose(matrix(tab, "A", 3), planar[1], atol=0.006)
+    np.testing.assert_allclose(matrix(tab, "C", 3), planar[2], atol=0.006)
+
+
 def test_no_other_solution_is_named_beyond_the_limits(tab: Any, tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm("PR", (0.8, 0.6)), q=(0.1, 0.8))
     tab.open(rp.lesson("kinematics", scene).save_html(tmp_path / "rail.html"), "Boolean(window.RR1 && RR1.steps)")

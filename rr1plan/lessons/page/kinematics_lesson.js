@@ -102,8 +102,8 @@ class KinematicsDrawing {
 
   /** Frames of base, first and second link, at their far ends: [x, y, heading]. */
   headings(q) {
-    const points = flat.places(q), found = [[...flat.base, 0]];
-    let heading = 0;
+    const points = flat.places(q), found = [[...flat.base.slice(0, 2), own.yaw]];
+    let heading = own.yaw;
     [...flat.kinds].forEach((kind, k) => {
       if (kind === "R") heading += flat.senses[k] * q[k];
       found.push([...points[k + 1], heading]);
