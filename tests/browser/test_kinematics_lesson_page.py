@@ -80,6 +80,17 @@ def test_transforms_begin_at_the_base(tab: Any, tmp_path: Path) -> None:
     np.testing.assert_allclose(matrix(tab, "C", 3), planar[2], atol=0.006)
 
 
+@pytest.mark.parametrize("kinds", ["RR", "RP", "PR", "PP"])
+def test_a_joint_changes_one_factor(kinds: str, tab: Any, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm(kinds, (0.6, 0.8)), q=(0.2, 0.3))
+    tab.open(rp.lesson("kinematics", scene).save_html(tmp_path / "a.html"), "Boolean(window.RR1 && RR1.steps)")
+    before = [matrix(tab, name, 3) for name in "AB"]
+    for k, q in enumerate(([0.4, 0.3], [0.2, 0.5])):
+        tab.ask(f"RR1.setQ({q})")
+        changed = [(matrix(tab, name, 3) != other).any() for name, other in zip("AB", before, strict=True)]
+        assert changed == [k == 0, k == 1]
+
+
 def test_no_other_solution_is_named_beyond_the_limits(tab: Any, tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm("PR", (0.8, 0.6)), q=(0.1, 0.8))
     tab.open(rp.lesson("kinematics", scene).save_html(tmp_path / "rail.html"), "Boolean(window.RR1 && RR1.steps)")

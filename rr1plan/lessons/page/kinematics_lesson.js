@@ -102,11 +102,13 @@ class KinematicsDrawing {
 
   /** Frames of base, first and second link, at their far ends: [x, y, heading]. */
   headings(q) {
-    const points = flat.places(q), found = [[...flat.base.slice(0, 2), own.yaw]];
+    // The far end of the first link is where a second one that slides begins.
+    const ends = [flat.places(flat.kinds[1] === "P" ? [q[0], 0] : q)[1], flat.places(q)[2]];
+    const found = [[...flat.base.slice(0, 2), own.yaw]];
     let heading = own.yaw;
     [...flat.kinds].forEach((kind, k) => {
       if (kind === "R") heading += flat.senses[k] * q[k];
-      found.push([...points[k + 1], heading]);
+      found.push([...ends[k], heading]);
     });
     return found;
   }
