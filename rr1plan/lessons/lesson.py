@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rr1plan.files.file_access import check_writable
 from rr1plan.lessons.lesson_content import LessonContent
 from rr1plan.lessons.lesson_content import LessonStep as LessonStep
-from rr1plan.playback.figure_files import check_width, drawing, save_figure
+from rr1plan.playback.figure_files import check_width, drawing, keep_tick_sizes, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,6 +48,7 @@ class Lesson(LessonContent):
             figure = Figure(figsize=(width, self._aspect * width), layout="constrained", facecolor="white")
             FigureCanvasAgg(figure)
             self._draw(figure)
+            keep_tick_sizes(figure)
         return figure
 
     def save(self, file: str | FilePath) -> FilePath:

@@ -116,6 +116,16 @@ def drawing(style: Mapping[str, object]) -> Iterator[None]:
         yield
 
 
+def keep_tick_sizes(figure: Figure) -> None:
+    """Store the sizes of the labels of ticks in their axes.
+
+    When a figure is drawn, after its settings are restored, Matplotlib chooses ticks for labels of the usual size.
+    """
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        for label in axis.get_ticklabels()[:1]:
+            axis.set_tick_params(labelsize=label.get_fontsize())
+
+
 def check_width(width: float) -> float:
     """A figure's width [inch].
 

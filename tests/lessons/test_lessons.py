@@ -582,6 +582,16 @@ def test_names_of_obstacles_are_on_the_picture_and_do_not_overlap(name: str, siz
     assert all(inside.contains(b.x0, b.y0) and inside.contains(b.x1, b.y1) for b in named.values())
 
 
+@pytest.mark.parametrize("name", ["configuration_space", "kinematics"])
+@pytest.mark.parametrize(("joints", "lengths"), [("RR", (0.1, 0.08)), ("PR", (0.8, 0.6)), ("PP", (0.04, 0.03))])
+def test_labels_of_axes_do_not_overlap(name: str, joints: str, lengths: tuple[float, float]) -> None:
+    figure = rp.lesson(name, rp.Scene().with_arm("arm", rp.planar_arm(joints, lengths))).figure()
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
+        assert all(one.x1 < two.x0 for one, two in pairwise(boxes))
+
+
 @pytest.mark.parametrize("name", ["workspace", "kinematics"])
 def test_labels_of_millimeters_do_not_overlap(name: str) -> None:
     figure = rp.lesson(name, rp.Scene().with_arm("arm", rp.planar_arm("RR", (2e-3, 1.4e-3)))).figure()

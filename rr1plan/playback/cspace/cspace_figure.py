@@ -31,7 +31,7 @@ from rr1plan.playback.cspace.cspace_lines import ObstacleName, place_names
 from rr1plan.playback.cspace.cspace_torus import draw_torus, drawn_layers
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
-from rr1plan.playback.figure_files import PLAIN_TEXT, break_lines, drawing, shortened
+from rr1plan.playback.figure_files import PLAIN_TEXT, break_lines, drawing, keep_tick_sizes, shortened
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
@@ -58,6 +58,7 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2)
         obstacles, images = draw_workspace(left, cspace), draw_torus(right, cspace)
+        keep_tick_sizes(figure)
         drawn, shown = drawn_layers(cspace), set(obstacles)
         break_lines(figure.suptitle(_title(cspace), fontsize=16, color=INK), 0.99)
         while True:
