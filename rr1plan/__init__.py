@@ -501,9 +501,11 @@ if not TYPE_CHECKING:  # so that type checkers reject names that are not listed 
         from importlib import import_module
 
         from rr1plan.errors import missing_libraries_named
+        from rr1plan.held_interrupts import interrupts_held
 
         began = time.perf_counter()
-        with missing_libraries_named():
+        # Some libraries turn a Ctrl-C during their import into an ImportError, or lose it.
+        with missing_libraries_named(), interrupts_held():
             module = import_module(_HOME.get(name, f"rr1plan.{name}"))
         value = module if name in _SUBMODULES else getattr(module, name)
         import_clock.seconds += time.perf_counter() - began

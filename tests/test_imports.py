@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -28,3 +30,24 @@ def test_a_file_name_alone_says_which_file_is_meant() -> None:
     assert len(names) > 500
     shared = {"__init__.py", "conftest.py"}  # their names are given by Python and pytest
     assert {name for name, count in names.items() if count > 1} == shared
+
+
+def test_ctrl_c_while_a_name_loads_its_libraries_is_a_keyboard_interrupt() -> None:
+    script = """
+import os, signal, sys
+import rr1plan
+
+class Interrupts:
+    def find_spec(self, name, path=None, target=None):
+        if name == "mujoco._structs":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupts())
+try:
+    rr1plan.simulate
+except KeyboardInterrupt:
+    print("interrupted")
+print("mujoco" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["interrupted", "True"]
