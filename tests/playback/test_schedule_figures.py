@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,18 @@ def test_contacts_of_a_report_are_marked(two: rp.Scene, tmp_path: Path) -> None:
     assert data["conflicts"][0]["elements"] == list(line.conflicts[0].subject)
     text = line.save(tmp_path / "bad.svg").read_text()
     assert "#d1003f" in text
+
+
+def test_numbers_of_conflicts_at_about_the_same_time_do_not_overlap(two: rp.Scene) -> None:
+    swing = moving(two.joint_names(), [0.0, 4.0], [[0.0, 0.0, 0.7, 0.0]])
+    report = rp.validate(swing, two)
+    crowd = [replace(report.violations[0], time=1.0 + 1e-3 * k) for k in range(6)]
+    figure = rp.timeline(swing, two, report=replace(report, violations=crowd)).figure()
+    figure.canvas.draw()
+    numbers = [text for text in figure.findobj(Text) if text.get_fontweight() == "bold"]
+    assert sorted(text.get_text() for text in numbers) == [*"123456"]
+    boxes = sorted((text.get_window_extent() for text in numbers), key=lambda box: box.x0)
+    assert all(one.x1 <= two.x0 for one, two in pairwise(boxes))
 
 
 def test_what_is_no_time_line_is_refused(two: rp.Scene, line: rp.Timeline, tmp_path: Path) -> None:

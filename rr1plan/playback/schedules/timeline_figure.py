@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from rr1plan.checks import counted
 from rr1plan.playback.arm_colors import arm_color
@@ -23,6 +24,7 @@ _ROW, _TALLEST, _FRAME = 0.46, 11.0, 1.9  # height of a row, maximum of all rows
 _MOST_NAMED = 40  # with more rows, names and arrows for waits are omitted
 _MOST_WORDS = 6  # conflicts described in words
 _BAR, _REST = 0.62, 0.16  # heights of bars in rows
+_NUMBER = 0.19  # least distance of the numbers of two conflicts [inch]
 
 
 def draw(line: TimelineRows, width: float, dark: bool) -> Figure:
@@ -38,7 +40,7 @@ def draw(line: TimelineRows, width: float, dark: bool) -> Figure:
         _draw_rows(axes, line, look)
         if len(line.arms) <= _MOST_NAMED:
             _draw_arrows(axes, line)
-        _draw_conflicts(axes, line, look)
+        _draw_conflicts(axes, line, look, _NUMBER / width)
         _name_conflicts(axes, line, look)
         break_lines(figure.suptitle(_title(line), fontsize=16, color=look.ink, x=0.01, ha="left"), 0.98)
         figure.legend(handles=_legend(line, look), loc="outside lower left", ncols=5, frameon=False, fontsize=11.5)
@@ -104,9 +106,17 @@ def _draw_arrows(axes: Axes, line: TimelineRows) -> None:
             axes.plot([wait.end], [ends[0]], "o", color=color, markersize=6, markeredgecolor="white", zorder=5)
 
 
-def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
-    """A cross in the rows of the arms in contact, connected by a line; numbers refer to the text below."""
+def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look, apart: float) -> None:
+    """A cross in the rows of the arms in contact, connected by a line; numbers refer to the text below.
+
+    Args:
+        axes: Where to draw.
+        line: The time line.
+        look: Colors.
+        apart: Least distance of the numbers in a row, as a share of the time axis.
+    """
     place = {arm: row for row, arm in enumerate(line.arms)}
+    numbers: list[tuple[int, float, int]] = []  # row, time and number
     for number, (violation, arms) in enumerate(zip(line.conflicts, line.touching, strict=True), start=1):
         rows = sorted(place[arm] for arm in arms)
         if violation.time is None or not rows:
@@ -115,10 +125,17 @@ def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
         axes.plot(times, rows, color=look.conflict, linewidth=2.2, zorder=6)
         axes.plot(times, rows, "X", color=look.conflict, markersize=12, markeredgecolor=look.paper, zorder=7)
         if number <= _MOST_WORDS:
-            axes.annotate(
-                str(number), (violation.time, rows[0]), xytext=(0, 9), textcoords="offset points", ha="center",
-                color=look.conflict, fontsize=12, fontweight="bold", zorder=8, clip_on=False,
-            )  # fmt: skip
+            numbers.append((rows[0], violation.time, number))
+    begin, end = axes.get_xlim()
+    free_from: dict[int, float] = {}  # time from which a row has room for a number
+    for row, time, number in sorted(numbers):
+        at = max(time, free_from.get(row, time))
+        free_from[row] = at + apart * (end - begin)
+        text = axes.annotate(
+            str(number), (at, row), xytext=(0, 9), textcoords="offset points", ha="center",
+            color=look.conflict, fontsize=12, fontweight="bold", zorder=8, clip_on=False,
+        )  # fmt: skip
+        text.set_path_effects([withStroke(linewidth=3, foreground=look.paper)])
 
 
 def _name_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
