@@ -95,6 +95,16 @@ def test_numbers_of_conflicts_at_about_the_same_time_do_not_overlap(two: rp.Scen
     assert all(one.x1 <= two.x0 for one, two in pairwise(boxes))
 
 
+def test_descriptions_of_conflicts_fit_into_narrow_figures(two: rp.Scene) -> None:
+    swing = moving(two.joint_names(), [0.0, 4.0], [[0.0, 0.0, 0.7, 0.0]])
+    line = rp.timeline(swing, two, report=rp.validate(swing, two))
+    figure = line.figure(width=5.0)
+    figure.canvas.draw()
+    (words,) = (text for text in figure.findobj(Text) if "overlap" in text.get_text())
+    assert words.get_window_extent().x1 <= figure.bbox.x1
+    assert figure.axes[0].get_window_extent().width > 0.6 * figure.bbox.width
+
+
 def test_what_is_no_time_line_is_refused(two: rp.Scene, line: rp.Timeline, tmp_path: Path) -> None:
     trajectory = moving(two.joint_names(), [0.0, 1.0], [[0.1] * 4])
     with pytest.raises(rp.InputError, match="one of the waits"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 from matplotlib.artist import Artist
@@ -24,6 +25,7 @@ _ROW, _TALLEST, _FRAME = 0.46, 11.0, 1.9  # height of a row, maximum of all rows
 _MOST_NAMED = 40  # with more rows, names and arrows for waits are omitted
 _MOST_WORDS = 6  # conflicts described in words
 _BAR, _REST = 0.62, 0.16  # heights of bars in rows
+_NAMES, _LETTER = 1.2, 0.11  # room for the names of arms, and for a letter of the description of a conflict [inch]
 _NUMBER = 0.19  # least distance of the numbers of two conflicts [inch]
 
 
@@ -32,8 +34,8 @@ def draw(line: TimelineRows, width: float, dark: bool) -> Figure:
     look = look_of(dark)
     with drawing(style_of(look)):
         rows = min(_TALLEST, _ROW * max(3, len(line.arms)))
-        words = min(len(line.conflicts), _MOST_WORDS)
-        figure = Figure(figsize=(width, rows + _FRAME + 0.24 * words), layout="constrained", facecolor=look.paper)
+        words = _words(line, width)
+        figure = Figure(figsize=(width, rows + _FRAME + 0.24 * len(words)), layout="constrained", facecolor=look.paper)
         FigureCanvasAgg(figure)
         axes = figure.subplots()
         _draw_frame(axes, line, look)
@@ -41,7 +43,8 @@ def draw(line: TimelineRows, width: float, dark: bool) -> Figure:
         if len(line.arms) <= _MOST_NAMED:
             _draw_arrows(axes, line)
         _draw_conflicts(axes, line, look, _NUMBER / width)
-        _name_conflicts(axes, line, look)
+        if words:
+            _name_conflicts(axes, words, look)
         break_lines(figure.suptitle(_title(line), fontsize=16, color=look.ink, x=0.01, ha="left"), 0.98)
         figure.legend(handles=_legend(line, look), loc="outside lower left", ncols=5, frameon=False, fontsize=11.5)
     return figure
@@ -138,12 +141,18 @@ def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look, apart: float) ->
         text.set_path_effects([withStroke(linewidth=3, foreground=look.paper)])
 
 
-def _name_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
-    if not line.conflicts:
-        return
-    words = [f"{k}  {v.message}" for k, v in enumerate(line.conflicts[:_MOST_WORDS], start=1)]
+def _words(line: TimelineRows, width: float) -> list[str]:
+    """The lines that describe the conflicts, broken where the figure ends."""
+    words: list[str] = []
+    for number, violation in enumerate(line.conflicts[:_MOST_WORDS], start=1):
+        letters = max(20, int((width - _NAMES) / _LETTER))
+        words += textwrap.wrap(f"{number}  {violation.message}", letters, subsequent_indent="    ")
     if len(line.conflicts) > _MOST_WORDS:
         words.append(f"and {len(line.conflicts) - _MOST_WORDS} more")
+    return words
+
+
+def _name_conflicts(axes: Axes, words: list[str], look: Look) -> None:
     axes.annotate(
         "\n".join(words), (0.0, 0.0), xycoords="axes fraction", xytext=(0, -48), textcoords="offset points",
         va="top", fontsize=11.5, color=look.conflict, annotation_clip=False,
