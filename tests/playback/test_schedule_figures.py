@@ -186,6 +186,13 @@ def test_a_diagram_has_axes_in_seconds_and_in_path_length(tmp_path: Path) -> Non
         picture.save(tmp_path / "d.png", axes="rad")
 
 
+def test_rests_of_less_than_a_millisecond_are_no_waits_in_a_diagram() -> None:
+    rounded = replace(diagram(), times=np.array([0.0, 3.0, np.nextafter(3.0, 4.0), 9.0]))
+    rounded = replace(rounded, places=np.array([[0.0, 0.0], [2.0, 1.5], [2.0, 1.5], [4.0, 3.0]]))
+    labels = [text.get_text() for text in rounded.figure().legends[0].get_texts()]
+    assert labels == ["not proven free", "the plan", "at the start or goal"]
+
+
 def test_axes_in_path_length_have_the_units_of_the_arms() -> None:
     scene = rp.Scene().with_arm("gantry", rp.planar_arm("PP")).with_arm("crane", rp.planar_arm("RP"), [5.0, 0.0, 0.0])
     starts, goals = {"gantry": [0.1, 0.1], "crane": [0.0, 0.1]}, {"gantry": [0.5, 0.2], "crane": [1.0, 0.2]}

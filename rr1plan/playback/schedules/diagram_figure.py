@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _BAND = 0.035  # width of the bands of starts and goals, as a share of the axis
 _HEIGHT = 0.98  # of the figure, relative to its width
 _STILL = 1e-9
+_SHORTEST = 1e-3  # shorter rests, some of which are rounding, are not waits, as in time lines [s]
 _TICKS = 8  # approximate number of time labels at the curve
 _CLOSE = 0.05  # smallest distance between time labels, as a share of the picture
 
@@ -108,7 +109,8 @@ def _waits(points: Array, times: Array, arm: int) -> list[tuple[int, int]]:
     rests = (np.abs(np.diff(own)) <= _STILL) & (np.diff(times) > 0.0)
     later = np.logical_and.accumulate(rests[::-1])[::-1]  # at rest until the end
     edges = np.flatnonzero(np.diff((rests & ~later).astype(np.int8), prepend=0, append=0))
-    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+    runs = edges.reshape(-1, 2).tolist()
+    return [(first, last) for first, last in runs if times[last] - times[first] >= _SHORTEST]
 
 
 def _draw_times(plot: mpl_axes.Axes, points: Array, times: Array, look: Look) -> None:
