@@ -210,7 +210,9 @@ def test_an_arm_that_does_not_move_has_a_diagram_too() -> None:
         ("a", "b"), (0, 1), blocked, (one, still), (one, still), np.array([0.0, 2.0]), places
     )
     assert picture.blocked_share == 0.0
-    assert picture.figure().axes
+    (axes,) = picture.figure().axes
+    assert len(axes.get_xticks()) > 1
+    assert axes.get_yticks().tolist() == [0.0]
 
 
 # ---- colors --------------------------------------------------------------------------------------

@@ -148,6 +148,9 @@ def _draw_axes(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Loo
     words = "{} on its path [s without waiting]" if axes == "time" else "path of {} [{}]"
     along, beside = map(words.format, diagram.names, diagram.units)
     labels = plot.set_xlabel(along), plot.set_ylabel(beside)
+    for scale, axis in ((one, plot.xaxis), (two, plot.yaxis)):
+        if not scale[-1]:  # this arm does not move: the axis has a length only to be visible
+            axis.set_ticks([0.0])
     for side, arm in (("bottom", 0), ("left", 1)):
         plot.spines[side].set(edgecolor=arm_color(diagram.numbers[arm]), linewidth=6.0)
     for side in ("top", "right"):
