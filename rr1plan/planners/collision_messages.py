@@ -26,8 +26,10 @@ def describe_collision(checker: CollisionChecker, q: Array, without: Collection[
     """
     contacts = contacts_without(checker, q, without)
     if not contacts:
-        a, b = _nearest_to_contact(checker, q, without)
-        return f"{a!r} and {b!r} are less than a micrometer from contact, too near to prove any motion"
+        k = _nearest_to_contact(checker, q, without)
+        (a, b), padding = checker.pairs[k], 1000.0 * checker.padding[k]
+        where = "from contact" if padding == 0.0 else f"beyond the padding of {padding:.3g} mm"
+        return f"{a!r} and {b!r} are less than a micrometer {where}, too near to prove any motion"
     said = [_describe(checker, contact) for contact in contacts[:3]]
     rest = len(contacts) - 3
     more = f" and {rest} more {'pair' if rest == 1 else 'pairs'}" if rest > 0 else ""
@@ -41,12 +43,12 @@ def contacts_without(checker: CollisionChecker, q: Array, arms: Collection[str])
     return [c for c in checker.contacts(q) if owner(c.a) not in arms and owner(c.b) not in arms]
 
 
-def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[str]) -> tuple[str, str]:
-    """The pair with the least distance beyond its padding: the kernel rejects gaps below 1 µm, Coal does not."""
+def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[str]) -> int:
+    """Index of the pair with the least distance beyond its padding: kernels reject gaps below 1 µm, Coal does not."""
     scene = checker.scene
     counts = [scene.owner(a) not in arms and scene.owner(b) not in arms for a, b in checker.pairs]
     beyond = np.where(counts, checker.distances(q) - checker.padding, np.inf)
-    return checker.pairs[int(np.argmin(beyond))]
+    return int(np.argmin(beyond))
 
 
 def _gap(checker: CollisionChecker, contact: Contact) -> float:

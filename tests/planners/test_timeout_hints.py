@@ -209,6 +209,10 @@ def test_a_start_too_near_to_contact_to_leave_is_named(gate: rp.Robot) -> None:
     result = rp.plan(rp.Problem(scene, [0.0, -0.5], [0.5, -0.4]), budget=ITERATIONS, rng=0)
     assert result.status is rp.PlanStatus.INVALID_START
     assert "'a/forearm' and 'roof' are less than a micrometer from contact" in result.reason
+    higher = scene.with_obstacle("roof", roof, [0.0, 0.0, tip[2] + 0.04 + 0.01 + 1e-7])
+    padded = rp.Problem(higher.with_padding(0.01, "a", "roof"), [0.0, -0.5], [0.5, -0.4])
+    result = rp.plan(padded, budget=ITERATIONS, rng=0)
+    assert "'a/forearm' and 'roof' are less than a micrometer beyond the padding of 10 mm" in result.reason
 
 
 def test_a_proposal_names_pairs_that_touch_in_a_band(gate: rp.Robot, rr1: rp.Robot) -> None:
