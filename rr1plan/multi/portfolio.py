@@ -32,7 +32,15 @@ from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.many_arms_result import GroupResult, ManyArmsResult
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
-from rr1plan.multi.preflight import MARGINS, Preflight, no_path_to_any_goal, preflight, with_goal, with_other_goals
+from rr1plan.multi.preflight import (
+    MARGINS,
+    TO_CHOSEN,
+    Preflight,
+    no_path_to_any_goal,
+    preflight,
+    with_goal,
+    with_other_goals,
+)
 from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
 from rr1plan.multi.search.group_schedules import GroupSchedules
@@ -362,9 +370,7 @@ class _GroupSearch:
         if result.found or not impossible:
             return result
         self.impossible = self._task.no_path(self._found, result.arms, result.reason)
-        to_chosen = f"{', '.join(result.arms)}: to the goal configurations that were chosen, {result.reason}"
-        reason = self.impossible or to_chosen
-        return replace(result, reason=reason)
+        return replace(result, reason=self.impossible or f"{', '.join(result.arms)}: {TO_CHOSEN}{result.reason}")
 
     def _first_paths(self) -> list[GroupResult]:
         """Find the first path of each arm. Returns the first failure, if any."""

@@ -33,6 +33,9 @@ MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4, 1e-5)
 Even the smallest is ten times the clearance that the referee cannot distinguish from contact.
 """
 
+TO_CHOSEN = "to the goal configurations that were chosen, "
+"""Before a reason that says nothing about other configurations that reach the goals."""
+
 # Planner iterations after which one of several goal configurations of an arm counts as not reached.
 _ITERATIONS = 2000
 # How often further configurations of poses and regions are searched, if all of them exclude each other.

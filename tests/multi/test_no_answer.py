@@ -455,6 +455,7 @@ def test_a_wall_before_all_of_several_goals_is_a_proof_unless_one_is_a_pose(meth
     pose = rp.Problem(scene, start, {"arm": [behind[0], rp.PoseGoal("tool", tool)], "idle": [1.0, 0.0]})
     result = plan_many_arms(pose, rng=0, method=method, budget=Budget(seconds=1.5))
     assert result.status is PlanStatus.TIMEOUT
+    assert "arm: to the goal configurations that were chosen, no path exists: " in result.reason
 
 
 @pytest.mark.usefixtures("processor_clock")

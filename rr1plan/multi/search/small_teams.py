@@ -20,6 +20,7 @@ from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.preflight import TO_CHOSEN
 from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
 from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, schedule_of
@@ -100,7 +101,9 @@ def plan_small_team(
     for arm, pool in pools.items():
         path, reason = pool.add({}, patient=True)
         if path is None:
-            return TeamPlan(reason=f"{arm}: {reason}", impossible=no_path([arm], reason) if pool.impossible else "")
+            impossible = no_path([arm], reason) if pool.impossible else ""
+            chosen = TO_CHOSEN if pool.impossible else ""
+            return TeamPlan(reason=impossible or f"{arm}: {chosen}{reason}", impossible=impossible)
     first = {arm: pool.paths[0] for arm, pool in pools.items()}
     margins = {arm: pool.margin for arm, pool in pools.items()}  # smaller where a first path needs it
     alone = {arm: path.fastest for arm, path in first.items()}
