@@ -583,6 +583,20 @@ def test_a_goal_that_cannot_be_is_said(planar2r: rp.Robot, rr1: rp.Robot) -> Non
     assert far.reason.startswith("arm01")
 
 
+def test_a_goal_behind_a_wall_is_no_proof_for_other_configurations_of_its_pose() -> None:
+    robot = rp.load_robot("planar2r_limited")
+    scene = rp.Scene().with_arm("arm", robot).with_arm("idle", robot, (5.0, 0.0, 0.0))
+    scene = scene.with_obstacle("wall", rp.Box((0.1, 0.02, 0.4)), (0.35, 0.0, 0.0))
+    problem = rp.Problem(scene, {"arm": [0.8, 0.0], "idle": [0.5, 0.0]}, {"arm": [1.0, 0.3], "idle": [1.0, 0.0]})
+    plan = rp.plan_many_arms(problem, rng=0)
+    behind = [-0.8, 0.0]
+    tool = rp.PoseGoal("tool", rp.Kinematics(scene, ["arm"]).pose(behind, "arm/tool")[:3, 3])
+    for goal, only in ((behind, ""), (tool, "to the goal configurations that were chosen, ")):
+        added = rp.add_motion(plan, "arm", goal, at=0.1, budget=Budget(seconds=1.0), rng=0)
+        assert not added
+        assert added.reason.startswith(f"arm: {only}no path exists: joint 'arm/joint1' cannot pass")
+
+
 def test_a_joint_without_a_limit_that_only_the_new_goal_moves_is_named(planar2r: rp.Robot) -> None:
     robot = planar2r.with_limits(replace(planar2r.limits, acceleration=np.array([10.0, np.inf])))
     scene = rp.Scene().with_arm("left", robot, (-1.5, 0.0, 0.0)).with_arm("right", planar2r, (1.5, 0.0, 0.0))

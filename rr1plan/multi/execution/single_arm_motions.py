@@ -16,12 +16,12 @@ from rr1plan.multi.execution.present_motions import PresentMotions
 from rr1plan.multi.execution.running_plan import Part, Stop, part_of, stops_of
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
-from rr1plan.multi.preflight import affordable_margin
+from rr1plan.multi.preflight import TO_CHOSEN, affordable_margin
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.safe_intervals import BlockedTimes, earliest_schedule
 from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.object_cache import kept_in
-from rr1plan.planners.goal_configurations import GoalSearch, check_start
+from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.retiming.timed_pieces import Pieces, concatenate
 from rr1plan.scene.problem import GoalLike
 from rr1plan.trajectory import Trajectory
@@ -56,6 +56,7 @@ class Attempt:
 
     Args:
         goals: Configurations of its goal; empty if the goal is impossible.
+        chosen: Whether other configurations may reach the goal, too.
         paths: The paths found, with the stop at which each begins.
         alone: Duration of the fastest motion from that stop [s].
         reason: Why no motion is possible, as text; empty if unknown.
@@ -63,6 +64,7 @@ class Attempt:
     """
 
     goals: list[Array] = field(default_factory=list)
+    chosen: bool = False
     paths: list[tuple[Stop, AgentPath]] = field(default_factory=list)
     alone: float = math.inf
     reason: str = ""
@@ -182,7 +184,8 @@ class SingleArmMotions:
         except RetimingError as error:
             path, reason = None, str(error)
         if not pool.paths:
-            attempt.reason = f"{pool.agent.arms[0]}: {reason}"
+            only = TO_CHOSEN if pool.impossible and attempt.chosen else ""
+            attempt.reason = f"{pool.agent.arms[0]}: {only}{reason}"
         return path
 
     def _is_safe_until(self, stop: Stop, arm: str, attempt: Attempt) -> bool:
@@ -223,7 +226,9 @@ class SingleArmMotions:
         if not free:
             attempt.reason = f"the goal of {arm} is not clear of the final configurations of others"
             attempt.blockers |= in_the_way
-        return free[:_GOALS]
+        tried, given = free[:_GOALS], joint_goals(query)
+        attempt.chosen = given is None or not all(any(np.array_equal(q, goal) for goal in tried) for q in given)
+        return tried
 
     def _clear(self, agent: Agent, configurations: Array) -> tuple[list[Array], set[str]]:
         """Those of some configurations (k, nq) without contact with the others at their goals, nearest first.
