@@ -19,6 +19,7 @@ from rr1plan.multi.paths.placed_path import placed_configurations
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import conflicts
 from rr1plan.object_cache import kept_in
+from rr1plan.planning import PlanStatus
 
 # Largest number of rounds of the repair, of steps of the backtracking search, and of shuffles for another combination.
 _REPAIRS, _STEPS, _SHUFFLES = 200, 20_000, 10
@@ -123,13 +124,16 @@ class GoalChoices:
 
     Args:
         conflicts: The goal configurations of each arm, and their contacts.
-        is_reached: Whether an arm alone can reach a configuration.
+        reach: Function that returns whether an arm alone reaches a configuration with little effort: FOUND, INFEASIBLE
+            if it provably does not, or another status.
     """
 
-    def __init__(self, conflicts: GoalConflicts, is_reached: Callable[[str, Array], bool]) -> None:
-        self.conflicts, self._is_reached = conflicts, is_reached
+    def __init__(self, conflicts: GoalConflicts, reach: Callable[[str, Array], PlanStatus]) -> None:
+        self.conflicts, self._reach = conflicts, reach
         self._left = {arm: list(range(len(found))) for arm, found in conflicts.choices.items()}
         self._reached: set[tuple[str, int]] = set()
+        # Neither reached with little effort nor proven unreachable; preferred ones first.
+        self._hard: dict[str, list[int]] = {arm: [] for arm in self._left}
         self._first: dict[str, int] = {}
 
     @property
@@ -187,14 +191,23 @@ class GoalChoices:
             picked = self.conflicts.repaired(order)
             missed = []
             for arm, k in picked.items():
-                if len(order[arm]) == 1 or (arm, k) in self._reached:
+                only = len(order[arm]) == 1 and not (self._hard[arm] and self._left[arm] == [k])
+                if only or (arm, k) in self._reached:
                     continue
-                if self._is_reached(arm, self.conflicts.choices[arm][k]):
+                status = self._reach(arm, self.conflicts.choices[arm][k])
+                if status is PlanStatus.FOUND:
                     self._reached.add((arm, k))
-                else:
-                    missed.append(arm)
+                    continue
+                missed.append(arm)
+                if status is not PlanStatus.INFEASIBLE:
+                    self._hard[arm].append(k)
             if not missed:
                 return picked
             for arm in missed:
                 order[arm].remove(picked[arm])
                 self._left[arm].remove(picked[arm])
+                if not order[arm]:  # none was reached: the preferred one that is not proven unreachable
+                    k = self._hard[arm][0]
+                    self._reached.add((arm, k))
+                    order[arm].append(k)
+                    self._left[arm].append(k)

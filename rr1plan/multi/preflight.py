@@ -100,16 +100,16 @@ def preflight(
     if touching is not None:
         return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
 
-    def is_reached(arm: str, q: Array) -> bool:
+    def reach(arm: str, q: Array) -> PlanStatus:
         query = agents[arm].query({}, 0.0)
         ends = {arm: query.start}, {arm: q}
         budget = Budget(watch.time_left, _ITERATIONS)
         planned = RrtConnect().plan(
             Problem(query.scene, *ends, arms=(arm,)), budget=budget, rng=0, progress=watch.let_planner_go_on
         )
-        return planned.found or not watch.goes_on()
+        return PlanStatus.FOUND if planned.found or not watch.goes_on() else planned.status
 
-    goal, status, reason, choices = _goal_choices(agents, near, rng, watch, is_reached)
+    goal, status, reason, choices = _goal_choices(agents, near, rng, watch, reach)
     if status is not None:
         return Preflight({}, {}, status, reason)
     for arm, agent in agents.items():
@@ -243,7 +243,7 @@ def goal_configurations(
         The configurations, None and an empty text; or no configurations, the status and the reason.
     """
     # Without more rounds: a seeded problem must not change, and problems draw other goals.
-    return _goal_choices(agents, near, rng, Stopwatch(np.inf), lambda arm, q: True, rounds=0)[:3]
+    return _goal_choices(agents, near, rng, Stopwatch(np.inf), lambda arm, q: PlanStatus.FOUND, rounds=0)[:3]
 
 
 def _goal_choices(
@@ -251,7 +251,7 @@ def _goal_choices(
     near: Mapping[str, frozenset[str]],
     rng: Seed,
     watch: Stopwatch,
-    is_reached: Callable[[str, Array], bool],
+    reach: Callable[[str, Array], PlanStatus],
     rounds: int = _MORE_GOALS,
 ) -> tuple[dict[str, Array], PlanStatus | None, str, GoalChoices | None]:
     """As `goal_configurations`, and all goal configurations.
@@ -261,13 +261,13 @@ def _goal_choices(
         near: For each arm, the arms that it can touch.
         rng: Generator or seed of inverse kinematics.
         watch: Deadline, after which the status is TIMEOUT.
-        is_reached: Whether an arm alone can reach a configuration; otherwise another one is chosen if possible.
+        reach: As for `GoalChoices`.
         rounds: How often configurations of poses and regions are searched again if all of them exclude each other.
     """
     found, seeds, status, reason = _first_goals(agents, rng, watch)
     if status is not None:
         return {}, status, reason, None
-    choices = GoalChoices(GoalConflicts(agents, found, near), is_reached)
+    choices = GoalChoices(GoalConflicts(agents, found, near), reach)
     chosen = choices.first()
     touching = _first_contact(agents, chosen, near)
     if touching is None:
@@ -280,7 +280,7 @@ def _goal_choices(
         sampled = {arm: agents[arm] for arm in seeds if joint_goals(agents[arm].query({}, 0.0)) is None}
         for further in _further_goals(sampled, seeds, rounds, watch):
             found |= {arm: np.concatenate([found[arm], new]) for arm, new in further.items()}
-            choices = GoalChoices(GoalConflicts(agents, found, near), is_reached)
+            choices = GoalChoices(GoalConflicts(agents, found, near), reach)
             combined, complete = choices.conflicts.combination(watch)
             if combined is not None or not complete:
                 break
