@@ -34,7 +34,7 @@ from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
-from rr1plan.multi.timing.schedule import Schedule
+from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.retiming.path_blends import Curve, blend_sizes, clean, round_corners
 from rr1plan.retiming.path_speed import Grid, fastest_speeds, timed
@@ -139,6 +139,26 @@ def test_arms_at_one_of_their_goals_are_not_improved(rr1: rp.Robot) -> None:
     problem = rp.Problem(scene, "home", ["home", rp.PoseGoal("tool", rp.Kinematics(scene).pose(rr1.home)[:3, 3])])
     result = plan_many_arms(problem, rng=0, budget=_BUDGET, improvement=Budget(seconds=60.0))
     assert (result.makespan, result.improvements) == (0.0, 0)
+
+
+def test_arms_move_apart_from_a_nearer_goal_that_affords_less_than_the_margin(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", planar2r).with_arm("right", planar2r, (5.0, 0.0, 0.0))
+    nearer, ahead = [0.5, 0.0], np.array([np.cos(0.5), np.sin(0.5), 0.0])
+    ball = scene.with_obstacle("ball", rp.Sphere(0.05), 2.0 * ahead)
+    gap = CollisionChecker(ball, ["left"]).clearance(np.array(nearer), 1.0)
+    problem = rp.Problem(
+        scene.with_obstacle("ball", rp.Sphere(0.05), (2.0 - gap + 0.001) * ahead),
+        {"left": [0.0, 0.0], "right": [0.0, 0.0]},
+        {"left": [-0.6, 0.0], "right": [0.4, 0.0]},
+    )
+    whole = Agent(problem, problem.arms)
+    with checker_from_pool(problem.scene, problem.arms, 1e-4) as checker:
+        points = np.array([whole.start, [*nearer, 0.4, 0.0]])
+        path = AgentPath(whole, rp.Path(whole.joint_names, points), checker)
+    schedule = Schedule(path, (Leg(0.0, 0, path.segments),))
+    improver = _improver_of(problem, [schedule], 0.01, np.random.default_rng(0), Stopwatch(math.inf))
+    assert improver._move_apart()
+    assert sorted(agent.arms for agent in improver.plan.schedules) == [("left",), ("right",)]
 
 
 def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:

@@ -344,7 +344,9 @@ class PlanImprover:
         if not together:
             return self._change_path()
         whole, makespan = together[int(self._rng.integers(len(together)))], self._cost()[0]
-        margin, points = self.plan.margin_of(whole), self.plan.schedules[whole].path.path.waypoints
+        path = self.plan.schedules[whole].path
+        # A nearer goal may afford less than the goal of the agent.
+        margin, points = affordable_margin(whole, path.goal, self.plan.margin_of(whole)), path.path.waypoints
         parts = []
         for arm, columns in whole.columns.items():
             part, waypoints = self.plan.agent_of([arm]), points[:, columns]
