@@ -391,13 +391,13 @@ def counted(number: int, noun: str, plural: str | None = None) -> str:
 
 
 def rounded(number: float, digits: int = 3) -> str:
-    """A number with so many digits, large ones without an exponent: "2.5", "3000"."""
+    """A number with a few significant digits, also without an exponent if it is large: "2.5", "3000"."""
     text = f"{number:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text else text
 
 
 def millimeters(length: float, digits: int = 3) -> str:
-    """A length [m] as text with so many digits: "2.5 mm", "3000 mm"."""
+    """A length [m] in millimeters, with a few significant digits: "2.5 mm", "3000 mm"."""
     return f"{rounded(1e3 * length, digits)} mm"
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#e08a00", "#c2255c", "#2f66c8"
 _STEP = float(np.radians(12.0))
-_LETTER = 0.05  # the height of a name in the figure, as a share of the width or height of what is drawn
+_LETTER = 0.05  # height of a name, as a share of the longer side of the workspace shown
 _BEYOND = 1.3  # of the reach, within which the figure shows obstacles
 _TITLES = {"through": "Through the plate", "grazing": "Grazing it", "just_past": "Just past it", "far": "Far away"}
 
@@ -193,7 +193,7 @@ class ContinuousCheckingLesson(Lesson):
         axes.spines[["top", "right"]].set_visible(False)
 
     def _window(self, axes: Axes) -> tuple[Array, Array]:
-        """Lower left and upper right corner of what is drawn, without obstacles far beyond the arm's reach [m]."""
+        """Lower left and upper right corner of the workspace shown [m], which ends near the arm's reach."""
         arm = self.scene.arms[self.checker.arms[0]]
         flat = flat_arm(arm)
         assert flat is not None

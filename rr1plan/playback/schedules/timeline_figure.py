@@ -109,14 +109,14 @@ def _draw_arrows(axes: Axes, line: TimelineRows) -> None:
             axes.plot([wait.end], [ends[0]], "o", color=color, markersize=6, markeredgecolor="white", zorder=5)
 
 
-def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look, apart: float) -> None:
+def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look, spacing: float) -> None:
     """A cross in the rows of the arms in contact, connected by a line; numbers refer to the text below.
 
     Args:
         axes: Where to draw.
         line: The time line.
         look: Colors.
-        apart: Least distance of the numbers in a row, as a share of the time axis.
+        spacing: Least distance of the numbers in a row, as a share of the time axis.
     """
     place = {arm: row for row, arm in enumerate(line.arms)}
     numbers: list[tuple[int, float, int]] = []  # row, time and number
@@ -133,7 +133,7 @@ def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look, apart: float) ->
     free_from: dict[int, float] = {}  # time from which a row has room for a number
     for row, time, number in sorted(numbers):
         at = max(time, free_from.get(row, time))
-        free_from[row] = at + apart * (end - begin)
+        free_from[row] = at + spacing * (end - begin)
         text = axes.annotate(
             str(number), (at, row), xytext=(0, 9), textcoords="offset points", ha="center",
             color=look.conflict, fontsize=12, fontweight="bold", zorder=8, clip_on=False,
@@ -144,8 +144,8 @@ def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look, apart: float) ->
 def _words(line: TimelineRows, width: float) -> list[str]:
     """The lines that describe the conflicts, broken where the figure ends."""
     words: list[str] = []
+    letters = max(20, int((width - _NAMES) / _LETTER))
     for number, violation in enumerate(line.conflicts[:_MOST_WORDS], start=1):
-        letters = max(20, int((width - _NAMES) / _LETTER))
         words += textwrap.wrap(f"{number}  {violation.message}", letters, subsequent_indent="    ")
     if len(line.conflicts) > _MOST_WORDS:
         words.append(f"and {len(line.conflicts) - _MOST_WORDS} more")

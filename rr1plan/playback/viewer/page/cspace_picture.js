@@ -258,7 +258,7 @@ function axisUnit(axis) {
   return data.high[axis] - data.low[axis] < 0.1 ? { unit: "mm", scale: 1000 } : { unit: "m", scale: 1 };
 }
 
-/** The number of multiples of so many eighths of π on an axis. */
+/** How many multiples of `eighths` π/8 are on an axis. */
 function countMultiples(axis, eighths) {
   const [low, high] = [data.low[axis], data.high[axis]].map((v) => (8 * v) / (Math.PI * eighths));
   return Math.floor(high + 1e-6) - Math.ceil(low - 1e-6) + 1;
