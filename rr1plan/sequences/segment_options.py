@@ -14,7 +14,7 @@ from rr1plan.path import Path
 from rr1plan.pipeline import plan_motion
 from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planners.collision_messages import describe_collision
-from rr1plan.planners.goal_configurations import GoalSearch, check_start
+from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planning import Planner, PlanStatus
 from rr1plan.retiming import retime
 from rr1plan.scene import Scene
@@ -44,6 +44,8 @@ _MOST_PER_GOAL, _MOST_CANDIDATES = 8, 200
 # Further configurations if none of these is reached, and the share of iterations of each: a round with them takes less
 # than twice as long.
 _MOST_FURTHER, _FURTHER_SHARE = 32, 0.2
+# Before a reason that says nothing about other configurations at the same pose.
+_TO_CHOSEN = "to the configuration that was chosen, "
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,7 @@ class FreeLeg:
         segment: The segment.
         problem: The motion.
         share: Share of the iterations of a motion in this round.
+        chosen: Whether other configurations may reach the goal, too.
         motion: The plan, once there is one.
     """
 
@@ -79,6 +82,7 @@ class FreeLeg:
     segment: FreeMotion
     problem: Problem
     share: float = 1.0
+    chosen: bool = False
     motion: MotionPlan | None = None
 
     @property
@@ -138,7 +142,7 @@ class SegmentOptions:
     def plan_leg(self, leg: FreeLeg) -> bool:
         """Plan a free motion unless it has been planned already; False if there is none."""
         if leg.motion is None:
-            leg.motion = self._plan(leg.number, leg.problem, self._planner, leg.share)
+            leg.motion = self._plan(leg.number, leg.problem, self._planner, leg.share, chosen=leg.chosen)
         return leg.found
 
     # ---- free motions ------------------------------------------------------------------------
@@ -147,12 +151,14 @@ class SegmentOptions:
         goals = {arm: goals_of_links(scene, arm, own) for arm, own in goals_by_arm(segment, scene).items()}
         problem, seed = Problem(_allowing(scene, segment), None, goals), self._effort.seed()
         legs: list[FreeLeg] = []
+        chosen = joint_goals(problem) is None
         for further in (False, True):
             # Where later segments failed, other configurations cost much and rarely help.
             if further and (not any(leg.failed for leg in legs) or any(leg.found for leg in legs)):
                 return
             for q in self._candidates(k, problem, seed, further):
-                legs.append(FreeLeg(k, segment, _to_configuration(problem, q), _FURTHER_SHARE if further else 1.0))
+                share = _FURTHER_SHARE if further else 1.0
+                legs.append(FreeLeg(k, segment, _to_configuration(problem, q), share, chosen))
                 yield legs[-1], _placed(scene, problem.arms, q)
 
     def _candidates(self, k: int, problem: Problem, seed: int, further: bool) -> Array:
@@ -257,7 +263,9 @@ class SegmentOptions:
             trajectory = trajectory.stretched(segment.seconds / trajectory.duration)
         return PlannedSegment(segment, trajectory, max(trajectory.duration, segment.seconds)), after
 
-    def _plan(self, k: int, problem: Problem, planner: str | Planner, share: float = 1.0) -> MotionPlan:
+    def _plan(
+        self, k: int, problem: Problem, planner: str | Planner, share: float = 1.0, *, chosen: bool = False
+    ) -> MotionPlan:
         """Plan a motion within the rest of the budget, and record the reason for a failure."""
         self._effort.check(k)
         motion = plan_motion(
@@ -272,7 +280,8 @@ class SegmentOptions:
         if motion.status is PlanStatus.CANCELLED:
             raise SearchStopped(PlanStatus.CANCELLED, motion.result.reason)
         if not motion.found:
-            self._effort.fail(k, motion.status, motion.result.reason)
+            only = _TO_CHOSEN if chosen and motion.status is PlanStatus.INFEASIBLE else ""
+            self._effort.fail(k, motion.status, f"{only}{motion.result.reason}")
         elif not motion.valid:
             self._effort.fail(k, PlanStatus.INFEASIBLE, motion.report.violations[0].message)
         return motion

@@ -35,7 +35,8 @@ class SequencePlan(Value, NotebookView):
 
     Args:
         scene: The scene at the beginning. Gripper joints that move are planning joints in it.
-        status: Status of planning.
+        status: Status of planning. INFEASIBLE means that each candidate for the failed segment failed for a reason that
+            more time does not change; it is no proof where other configurations reach the same pose.
         reason: The segment that was not found, and the reason; empty if all were found.
         failed: Index of that segment in `sequence.segments`.
         sequence: The sequence; None for one from a file.

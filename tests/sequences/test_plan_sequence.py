@@ -240,6 +240,18 @@ def test_a_pose_is_reached_a_turn_away_where_the_way_to_the_nearest_configuratio
 # ---- failures ------------------------------------------------------------------------------------
 
 
+def test_a_wall_before_a_chosen_configuration_is_no_proof_for_its_pose() -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r_limited"), q=(0.8, 0.0))
+    scene = scene.with_obstacle("wall", rp.Box((0.1, 0.02, 0.4)), (0.35, 0.0, 0.0))
+    behind = [-0.7, 0.1]
+    tool = rp.Kinematics(scene).pose(behind, "tool")[:3, 3]
+    proof = "no path exists: joint 'arm/joint1' cannot pass"
+    for goal, says in ((behind, proof), (rp.PoseGoal("tool", tool), f"to the configuration that was chosen, {proof}")):
+        plan = plan_of(scene, rp.FreeMotion(goal))
+        assert plan.status is rp.PlanStatus.INFEASIBLE
+        assert f"not found: {says}" in plan.reason
+
+
 def test_a_failure_names_the_segment_and_the_reason(table: rp.Scene) -> None:
     plan = plan_of(
         table, rp.FreeMotion(tool_down(-0.3, 0.0, 0.2)), rp.Pause(0.1), rp.StraightLine(offset=[0.0, 0.0, -0.3])
