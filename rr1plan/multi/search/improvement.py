@@ -161,11 +161,8 @@ class PlanImprover:
             arm = path.agent.arms[0]
             self.bounds[arm] = min(self.bounds.get(arm, math.inf), path.fastest)
 
-    def _certified(
-        self, agent: Agent, waypoints: Array, shortcuts: int, margin: float | None = None
-    ) -> AgentPath | None:
+    def _certified(self, agent: Agent, waypoints: Array, shortcuts: int, margin: float) -> AgentPath | None:
         """A path of an agent, after random shortcuts; None if an edge of the waypoints is not free."""
-        margin = self.plan.margin_of(agent) if margin is None else margin
         query = agent.query({}, margin)
         with checker_from_pool(query.scene, query.arms, margin) as checker:
             if not all(checker.edge_is_free(a, b) for a, b in pairwise(waypoints)):
@@ -178,11 +175,15 @@ class PlanImprover:
             except RetimingError:
                 return None
 
+    def _margin_at(self, agent: Agent, goal: Array) -> float:
+        """The margin of an agent, or less if a nearer goal configuration (nq,) affords less [m]."""
+        return affordable_margin(agent, goal, self.plan.margin_of(agent))
+
     @contextmanager
-    def _refiner(self, agent: Agent) -> Iterator[PathRefiner]:
-        """A refiner of paths of an agent."""
-        margin = self.plan.margin_of(agent)
-        query = agent.query({}, margin)
+    def _refiner(self, path: AgentPath) -> Iterator[PathRefiner]:
+        """A refiner of a path."""
+        margin = self._margin_at(path.agent, path.goal)
+        query = path.agent.query({}, margin)
         with checker_from_pool(query.scene, query.arms, margin) as checker:
             yield PathRefiner(checker, self._rng)
 
@@ -260,11 +261,9 @@ class PlanImprover:
             for other in self._in_the_way(agent):
                 path = self.plan.schedules[other].path
                 standing.update(other.split((path.goal, path.start)[kind]))
-        aimed, margin = agent, self.plan.margin_of(agent)
-        if not self._goals.keys().isdisjoint(agent.arms):
-            goal = self._drawn_goal(agent)
-            aimed = agent.to(goal)
-            margin = affordable_margin(aimed, goal, margin)
+        goal = self._drawn_goal(agent)
+        aimed = agent if self._goals.keys().isdisjoint(agent.arms) else agent.to(goal)
+        margin = self._margin_at(agent, goal)
         path_found, _ = PathPool(aimed, margin, self._rng, self.plan.watch).add(standing, detour=kind == 2)
         if path_found is not None:
             self._remember(path_found.of(agent))
@@ -287,7 +286,7 @@ class PlanImprover:
         if len(agent.arms) > 1:
             made: AgentPath | None = self._refined(path)
         else:
-            with self._refiner(agent) as refiner:
+            with self._refiner(path) as refiner:
                 made = refiner.change(path, makespan)
         if made is None or not self._schedule(agent, [made]) or self.plan.schedules[agent].arrival > makespan:
             return False
@@ -303,7 +302,7 @@ class PlanImprover:
             return False
         together = self.plan.agent_of(arm for agent in chosen for arm in agent.arms)
         waypoints = composite_waypoints([self.plan.schedules[agent] for agent in chosen], together)
-        made = self._certified(together, waypoints, _SHORTCUTS)
+        made = self._certified(together, waypoints, _SHORTCUTS, self._margin_at(together, waypoints[-1]))
         if made is None:
             return False
         self._remember(made)
@@ -319,7 +318,8 @@ class PlanImprover:
         whole = large[int(self._rng.integers(len(large)))]
         watch = self.plan.watch.with_deadline(self._until - self.plan.watch.seconds)
         single = {arm: self.plan.agent_of([arm]) for arm in whole.arms}
-        margin, goal = self.plan.margin_of(whole), self.plan.schedules[whole].path.goal
+        goal = self.plan.schedules[whole].path.goal
+        margin = self._margin_at(whole, goal)
         retreats = RetreatSearch(whole, goal, single, self.plan.near, margin, self._rng, watch)
         points = next(SequentialMoves(whole, goal, retreats, margin, self._rng, watch).paths(), None)
         if points is None:
@@ -335,7 +335,7 @@ class PlanImprover:
 
     def _refined(self, path: AgentPath) -> AgentPath:
         """A path of several arms after changes that save time."""
-        with self._refiner(path.agent) as refiner:
+        with self._refiner(path) as refiner:
             return refiner.refine(path, self._goes_on)
 
     def _move_apart(self) -> bool:
@@ -345,8 +345,7 @@ class PlanImprover:
             return self._change_path()
         whole, makespan = together[int(self._rng.integers(len(together)))], self._cost()[0]
         path = self.plan.schedules[whole].path
-        # A nearer goal may afford less than the goal of the agent.
-        margin, points = affordable_margin(whole, path.goal, self.plan.margin_of(whole)), path.path.waypoints
+        margin, points = self._margin_at(whole, path.goal), path.path.waypoints
         parts = []
         for arm, columns in whole.columns.items():
             part, waypoints = self.plan.agent_of([arm]), points[:, columns]
